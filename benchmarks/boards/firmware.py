@@ -12,15 +12,55 @@ from __future__ import annotations
 
 import time
 
+import numpy as np
 from support.chips import AVR8JS
-from support.firmware import Chip, converter, on_both, settling, steady, time_constant
+from support.firmware import (
+    CURVE,
+    STEPS,
+    Chip,
+    frames_of,
+    on_both,
+    resistance,
+    steady,
+    time_constant,
+)
 
-from tactile_skin import Circuit
+from tactile_skin import Circuit, compensate, forward
 from tactile_skin.board.firmware import build
 from tactile_skin.board.firmware.chip import TAU
 from tactile_skin.board.protocol import BinaryParser
+from tactile_skin.simulation import scenes
 
 from .. import harness
+
+
+def settling(tau: float) -> float:
+    """Largest error of a reading [ADC steps] if the ADC's input has this time constant [s]."""
+    circuit = Circuit()
+    with Chip(circuit, tau=tau) as chip:
+        cells = resistance(circuit, "two_fingers")
+        chip.feel(cells)
+        frame = frames_of(chip, BinaryParser(), 0.3)[-1]
+    return float(np.abs(frame.samples / 64 - forward(circuit, cells) * STEPS).max())
+
+
+def converter(error: float, frames: int = 20, seed: int = 3) -> tuple[float, float]:
+    """Share of touched frames that are suspect, and the largest error of a sum of forces, if the
+    ADC's error is up to `error` steps, smooth over the scale (three sines of random phase)."""
+    circuit, rng = Circuit(), np.random.default_rng(seed)
+    suspect, off = [], []
+    for scene in ("one_finger", "two_fingers", "push_left"):
+        force = scenes.script(scene, *circuit.shape)(0.0)
+        u = forward(circuit, CURVE.resistance(force))
+        for _ in range(frames):
+            phase = rng.uniform(0.0, 2.0 * np.pi, 3)
+            sines = [np.sin(2.0 * np.pi * n * u + p) for n, p in zip((1, 3, 8), phase, strict=True)]
+            wrong = error * (sines[0] + sines[1] + 0.5 * sines[2]) / 2.5
+            reading = u + (wrong + 0.5 * rng.standard_normal(u.shape)) / STEPS
+            estimate = compensate(reading, circuit, CURVE, method="map")
+            suspect.append(estimate.status != "ok")
+            off.append(abs(estimate.force.sum() / force.sum() - 1.0))
+    return float(np.mean(suspect)), max(off)
 
 
 def main(arguments=None):

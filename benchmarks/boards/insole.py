@@ -13,9 +13,45 @@ from __future__ import annotations
 import json
 
 import numpy as np
-from support.insole import ADC_OFFSET, R_REF, circuit, controls, draw, summary, touched
+from support.insole import (
+    ADC_OFFSET,
+    AREA,
+    R_REF,
+    circuit,
+    controls,
+    curve,
+    fit,
+    ratio,
+    summary,
+    touched,
+)
 
 from .. import harness
+
+
+def draw(frame: np.ndarray, row: np.ndarray, col: np.ndarray, path) -> None:
+    """One frame in the insole's geometry: as read, and after the fit."""
+    from matplotlib import pyplot as plt
+
+    mask = frame >= 0
+    cells = curve()
+    skin = circuit(mask)
+    estimate, _ = fit(frame, skin, cells)
+    naive = cells.force(skin.two_terminal(ratio(np.maximum(frame, 1))))
+    naive = np.where(frame > 0, naive, 0.0)
+    figure, axes = plt.subplots(1, 2, figsize=(6.4, 6), layout="constrained")
+    for axis, force, title in (
+        (axes[0], naive, "each reading taken for its own cell"),
+        (axes[1], estimate.force, "after map"),
+    ):
+        pressure = force / AREA / 1e3  # kPa
+        image = np.where(row >= 0, pressure[row, col], np.nan)
+        shown = axis.imshow(image, vmin=0.0, vmax=float(np.nanquantile(image, 0.95)))
+        axis.set_title(title, fontsize=9)
+        axis.set_axis_off()
+        figure.colorbar(shown, ax=axis, shrink=0.6, label="pressure [kPa]")
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
 
 
 def main(arguments=None) -> None:

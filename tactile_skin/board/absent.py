@@ -14,16 +14,11 @@ _SAY = 4  # crossings that are named
 
 
 class Unread(NamedTuple):
-    """Crossings without a reading that the configuration does not name.
+    """Crossings without a reading that the configuration does not name."""
 
-    Attributes:
-        text: what to say; empty if there are none.
-        blind: whether the picture cannot be trusted without them.
-        rows, cols: a line, or crossings one by one.
-    """
-
-    text: str = ""
-    blind: bool = False
+    text: str = ""  # what to say; empty if there are none
+    blind: bool = False  # whether the picture cannot be trusted without them
+    # rows, cols: a line, or crossings one by one
     rows: tuple[int, ...] = ()
     cols: tuple[int, ...] = ()
 

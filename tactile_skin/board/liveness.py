@@ -242,18 +242,12 @@ _RESTARTS_WITHIN = 10.0  # s in which they are too many
 
 
 class Verdict(NamedTuple):
-    """Of one frame.
+    """Of one frame."""
 
-    Attributes:
-        lag: how long it was on its way [s]; 0 for one that did not wait.
-        settled: whether frames come at the board's own pace; until then they may be old.
-        trouble: why the frames are no measurement; empty if they are.
-        rows, cols: lines that are frozen.
-    """
-
-    lag: float
-    settled: bool
-    trouble: str
+    lag: float  # how long it was on its way [s]; 0 for one that did not wait
+    settled: bool  # whether frames come at the board's own pace; until then they may be old
+    trouble: str  # why the frames are no measurement; empty if they are
+    # rows, cols: lines that are frozen
     rows: tuple[int, ...] = ()
     cols: tuple[int, ...] = ()
 

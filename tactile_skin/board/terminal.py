@@ -13,7 +13,7 @@ import struct
 import termios
 import time
 import tty
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 _LEFT_FOR = 2.0  # s after which nobody opens the port again: the driver does so at once
@@ -101,6 +101,46 @@ def open_terminal(link: Path) -> Iterator[Terminal]:
         os.close(master)
         if made:
             folder.rmdir()
+
+
+def serve(
+    link: Path,
+    running: Callable[[], bool],
+    tick: float,
+    restart: Callable[[], None],
+    turn: Callable[[Terminal, float], float],
+    on_ready: Callable[[], None] = lambda: None,
+    once: bool = False,
+) -> None:
+    """Put a board behind a pty whose name is the symbolic link `link`, in real time.
+
+    As on a USB board, opening the port restarts it, and what nobody reads is lost. Returns when
+    `running()` is no longer true, or with `once` when whoever read the port has left.
+
+    Args:
+        tick: from one turn to the next [s].
+        turn: of the board: takes its port, and by how much it is late [s]; returns the time that
+            is left out for that [s].
+        on_ready: called once the link is there.
+
+    Raises:
+        ValueError, FileNotFoundError, FileExistsError: as `open_terminal`.
+    """
+    with open_terminal(link) as terminal:
+        on_ready()
+        connected, due = False, time.monotonic()
+        while running() and not (once and terminal.left()):
+            due += tick
+            late = time.monotonic() - due
+            time.sleep(max(0.0, -late))
+            was, connected = connected, terminal.connected()
+            if connected and was:
+                due += turn(terminal, late)
+                continue
+            due = time.monotonic()
+            if connected:
+                restart()
+                turn(terminal, 0.0)
 
 
 def is_simulated(port) -> bool:

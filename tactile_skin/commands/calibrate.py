@@ -22,7 +22,7 @@ from ..guide.calibrated import write
 from ..guide.calibration import Guide, newtons
 from ..guide.sent import GLANCE, check_sent
 from ..middleware.config import SkinConfig, read_skin
-from ..recording.reference import read_reference
+from ..recording.lines import read_reference
 from ..replay.sources import Live, Recorded
 
 _NAME = "tactile-skin calibrate"

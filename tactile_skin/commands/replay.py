@@ -19,8 +19,7 @@ from ..middleware.config import SkinConfig, read_skin
 from ..recording import Recording
 from ..recording.convert import export, to_recording
 from ..recording.frames import read_frames, recorded_skin
-from ..replay.compare import Compared, compare, table
-from ..replay.results import STATUS, Job, Results, collect
+from ..replay.results import STATUS, Compared, Job, Results, collect, compare, table
 from ..solvers import METHODS
 
 EXAMPLES = """\

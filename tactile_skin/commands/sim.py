@@ -101,7 +101,7 @@ def _serve_model(args, skin: SkinConfig, kind: str, baud: int, running, ready) -
 
 def _serve_firmware(args, skin: SkinConfig, kind: str, running: Callable[[], bool], ready) -> None:
     from ..board.firmware import chip
-    from ..simulation.fabric import resting_curve
+    from ..simulation.matrix import resting_curve
 
     if args.rate != 100.0 or args.baud not in (None, BAUD):
         raise ValueError("--rate and --baud are of the board `model`; the firmware has its own")

@@ -11,9 +11,8 @@ import yaml
 
 from ..board.formats import Format
 from ..board.recognise import shown
-from ..board.recognise.lines import sides
+from ..board.recognise.lines import Seen, sides
 from ..board.recognise.listen import Heard
-from ..board.recognise.seen import Seen
 from ..board.serial_port import identity
 from ..calibration.tracker import PIN
 from ..health.doctor.advice import WIDTHS

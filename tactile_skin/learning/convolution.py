@@ -24,15 +24,12 @@ def layer_of(weight: np.ndarray, bias: np.ndarray) -> npt.NDArray[np.float32]:
 def convolve(
     picture: npt.NDArray[np.float32], layer: npt.NDArray[np.float32], dilation: int = 1
 ) -> npt.NDArray[np.float32]:
-    """Return a 3x3 convolution of a picture that ends in zeros.
+    """Return a 3x3 convolution, (outputs, rows, cols), of a picture that ends in zeros.
 
     Args:
         picture: (channels, rows, cols).
         layer: (outputs, 9 * channels + 1), see `layer_of`.
         dilation: cells from one tap to the next.
-
-    Returns:
-        (outputs, rows, cols).
     """
     if (found := compiled.convolve(picture, layer, dilation)) is not None:
         return found

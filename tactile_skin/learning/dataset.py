@@ -35,34 +35,28 @@ CHOICES = {
 
 @dataclass(frozen=True)
 class TrainingConfig:
-    """What a run depends on besides circuit and curve; kept beside its weights.
+    """What a run depends on besides circuit and curve; kept beside its weights."""
 
-    Attributes:
-        pairs, validation: number of (reading, force) pairs to learn from and to pick the best
-            epoch by; a sixth each of blobs, rects, random, fingers, bodies and large bodies.
-        epochs, batch: passes over the pairs, and pairs per step.
-        rate: highest learning rate; a short linear rise, then a cosine to 0.
-        loss: "mse" as the paper, or "l1", which fits the mean absolute error that is reported;
-            it counts lightly loaded frames more.
-        optimizer: "sgd" as the paper, or "soap" (soap.py).
-        readout: what the readings are like, see `scenes.read_out`; "board": a mix of all, some
-            from boards whose R_par is off by up to 5 % and whose curve by up to 20 %.
-        network: "paper", or "physics": fed with what the circuit says, for noisy boards.
-        seed: of scenes, initial weights and order.
-        start: weights to go on from, a file or one of `network.NETWORKS` for the shipped ones;
-            empty: new ones. A lower rate suits.
-    """
-
+    # pairs, validation: number of (reading, force) pairs to learn from and to pick the best epoch
+    # by; a sixth each of blobs, rects, random, fingers, bodies and large bodies
     pairs: int = 100_000
     validation: int = 30_000
+    # epochs, batch: passes over the pairs, and pairs per step
     epochs: int = 16
     batch: int = 64
-    rate: float = 1e-2
+    rate: float = 1e-2  # highest learning rate; a short linear rise, then a cosine to 0
+    # "mse" as the paper, or "l1", which fits the mean absolute error that is reported; it counts
+    # lightly loaded frames more
     loss: str = "l1"
-    optimizer: str = "soap"
+    optimizer: str = "soap"  # "sgd" as the paper, or "soap" (soap.py)
+    # what the readings are like, see `scenes.read_out`; "board": a mix of all, some from boards
+    # whose R_par is off by up to 5 % and whose curve by up to 20 %
     readout: str = "ideal"
+    # "paper", or "physics": fed with what the circuit says, for noisy boards
     network: str = "paper"
-    seed: int = 0
+    seed: int = 0  # of scenes, initial weights and order
+    # weights to go on from, a file or one of `network.NETWORKS` for the shipped ones; empty: new
+    # ones. A lower rate suits.
     start: str = ""
 
     def __post_init__(self):
@@ -164,8 +158,4 @@ def _large_bodies(n: int, rows: int, cols: int, rng) -> np.ndarray:
 
 _Sample = Callable[[int, int, int, np.random.Generator], np.ndarray]
 # families of training alone
-_OWN: dict[str, _Sample] = {
-    "fingers": _fingers,
-    "large bodies": _large_bodies,
-    "touches": _touches,
-}
+_OWN: dict[str, _Sample] = {"fingers": _fingers, "large bodies": _large_bodies, "touches": _touches}

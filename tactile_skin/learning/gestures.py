@@ -16,8 +16,7 @@ from scipy.optimize import brentq
 
 from ..extras import each
 from ..touch.episode import FEATURES, SILENCE
-from ..touch.forest import Forest
-from ..touch.model import CLIP, OTHER, GestureModel, Logistic, common, sharpened
+from ..touch.model import CLIP, OTHER, Forest, GestureModel, Logistic, common, sharpened
 from ..touch.recogniser import ENDED, REACH, Gathering, Gesture
 from ..touch.take import Take
 

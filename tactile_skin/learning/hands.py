@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterator
+from itertools import product
 
 import numpy as np
 
@@ -29,6 +30,7 @@ def simulated(
     repetitions: int = REPETITIONS,
     happenings: int = HAPPENINGS,
     events: tuple[str, ...] = tuple(EVENTS),
+    gestures: tuple[str, ...] = tuple(GESTURES),
 ) -> Iterator[Take]:
     """Yield takes of simulated people, one after the other, then of events that are no gesture.
 
@@ -40,12 +42,11 @@ def simulated(
     """
     for number in people:
         person = Person(number)
-        for k, gesture in enumerate(GESTURES):
-            for repetition in range(repetitions):
-                seed = number * 10_000 + k * 100 + repetition
-                mat, period = MATS[seed % 3], PERIODS[(seed // 3) % 3]
-                pictures = perform(gesture, person, mat, seed, period)
-                yield _take(gesture, f"simulated {number}", pictures, period, mat)
+        for gesture, repetition in product(gestures, range(repetitions)):
+            seed = number * 10_000 + list(GESTURES).index(gesture) * 100 + repetition
+            mat, period = MATS[seed % 3], PERIODS[(seed // 3) % 3]
+            pictures = perform(gesture, person, mat, seed, period)
+            yield _take(gesture, f"simulated {number}", pictures, period, mat)
     times = dict.fromkeys(events, happenings) | {"anything": ANYTHING * happenings}
     first = people.start * 10_000
     for kind, n in times.items():

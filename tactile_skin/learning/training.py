@@ -141,17 +141,11 @@ def make_net(kind: str, rows: int, cols: int) -> PaperNet | PhysicsNet:
 
 @dataclass
 class _Best:
-    """The best epoch so far.
+    """The best epoch so far."""
 
-    Attributes:
-        error: of the validation [g a cell].
-        epoch: its number, from 1; -1: none yet.
-        state: of the net after it.
-    """
-
-    error: float
-    epoch: int
-    state: dict[str, torch.Tensor]
+    error: float  # of the validation [g a cell]
+    epoch: int  # its number, from 1; -1: none yet
+    state: dict[str, torch.Tensor]  # of the net after it
 
 
 def train(
@@ -183,11 +177,7 @@ def train(
     torch.use_deterministic_algorithms(True)
     device = "cuda" if torch.cuda.is_available() else "cpu"
     torch.manual_seed(config.seed)
-    run = {
-        "config": asdict(config),
-        "circuit": circuit.describe(),
-        "curve": curve.describe(),
-    }
+    run = {"config": asdict(config), "circuit": circuit.describe(), "curve": curve.describe()}
     scale = curve.max_force
     checkpoint = out / "checkpoint.pt"
     state = _resumed(checkpoint, run, device) if resume and checkpoint.exists() else None

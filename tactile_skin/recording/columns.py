@@ -70,17 +70,11 @@ class Role(Enum):
 
 
 class Column(NamedTuple):
-    """One column of a table.
+    """One column of a table."""
 
-    Attributes:
-        name: in the header; empty: none.
-        numbers: (n,) its values; NaN: text, or nothing.
-        words: its texts; empty: all are numbers.
-    """
-
-    name: str
-    numbers: np.ndarray
-    words: Sequence[str] = ()
+    name: str  # in the header; empty: none
+    numbers: np.ndarray  # (n,) its values; NaN: text, or nothing
+    words: Sequence[str] = ()  # its texts; empty: all are numbers
 
     @property
     def is_text(self) -> bool:
@@ -88,15 +82,10 @@ class Column(NamedTuple):
 
 
 class Split(NamedTuple):
-    """Where the cells of a table are.
+    """Where the cells of a table are."""
 
-    Attributes:
-        front: columns before them.
-        roles: of all other columns, those in front first.
-    """
-
-    front: int
-    roles: list[Role]
+    front: int  # columns before them
+    roles: list[Role]  # of all other columns, those in front first
 
 
 ALL_CELLS = Split(0, [])
@@ -264,14 +253,10 @@ def _unit_by_value(values: np.ndarray) -> str:
 
 
 class Stamps(NamedTuple):
-    """Times in a column.
+    """Times in a column."""
 
-    Attributes:
-    seconds: (n,) since 1970, or of the day; NaN: none.
-    day, clock: whether they say the day, and the time of day.
-    """
-
-    seconds: np.ndarray
+    seconds: np.ndarray  # (n,) since 1970, or of the day; NaN: none
+    # day, clock: whether they say the day, and the time of day
     day: bool
     clock: bool
 

@@ -34,15 +34,10 @@ _GAP = 5.0  # usual intervals from which on a gap is worth a word
 
 @dataclass
 class Frames(Found):
-    """Frames of a board: their values are ADC steps or ratios, their times rise.
+    """Frames of a board: their values are ADC steps or ratios, their times rise."""
 
-    Attributes:
-        path: of the file.
-        are_ratios: whether `values` are ratios from 0 to 1, and not ADC steps.
-    """
-
-    path: str = ""
-    are_ratios: bool = False
+    path: str = ""  # of the file
+    are_ratios: bool = False  # whether `values` are ratios from 0 to 1, and not ADC steps
 
     def ratio(self, adc: Adc) -> np.ndarray:
         """(n, rows, cols) ADC ratio; NaN: not read.

@@ -10,6 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..errors import FileError
+from ..files import read_bytes, shorten
 from ..physics.circuit import Circuit
 from .tables import ABSENT, Found, Table, frames_of, number
 
@@ -19,24 +21,18 @@ _UNIT = re.compile(r"^[#\s]*units?\b[^:=]*[:=\s]\s*(.*)$", re.IGNORECASE)
 # Units that no ADC has, of systems that were calibrated.
 _PRESSURE = re.compile(r"n/(cm|mm|m)|k?pa$|mmhg|psi|kg|mbar|bar$|newton", re.IGNORECASE)
 _TEXT = 0.5  # share of a line's fields that are no numbers, at least, where it is no line of them
+_LARGEST_REFERENCE = 1 << 26  # bytes
 _PART = 0.5  # share of a frame's fields that a damaged line holds, at least
 
 
 class Line(NamedTuple):
-    """A line that is not empty.
+    """A line that is not empty."""
 
-    Attributes:
-        number: from 1.
-        numbers: of its fields; NaN: none.
-        trails: whether a separator ends it.
-        run: that it belongs to.
-    """
-
-    number: int
+    number: int  # from 1
     words: list[str]
-    numbers: np.ndarray
-    trails: bool
-    run: int
+    numbers: np.ndarray  # of its fields; NaN: none
+    trails: bool  # whether a separator ends it
+    run: int  # that it belongs to
 
 
 def read_text(text: str, circuit: Circuit) -> Found:
@@ -151,3 +147,28 @@ def _table(numeric: list[Line], width: int, trails: bool, header: list[str]) -> 
     }
     numbered, runs = (np.array([getattr(line, of) for line in kept]) for of in ("number", "run"))
     return Table(numbers, numbered, runs, damaged, header, texts)
+
+
+def read_reference(path: str) -> tuple[np.ndarray, np.ndarray]:
+    """(m,) times [s] and (m,) forces [N] of a scale or sensor: a CSV of two columns.
+
+    Raises:
+        FileError: a line but the first that is not two numbers, times that do not rise.
+        OSError: the file cannot be read.
+    """
+    lines = read_bytes(path, _LARGEST_REFERENCE).decode("utf-8-sig", "replace").splitlines()
+    numeric, texts = sort_lines(lines)
+    values: list[np.ndarray] = []
+    for line in sorted([*numeric, *texts], key=lambda line: line.number):
+        where = f"{path}: line {line.number}, {shorten(lines[line.number - 1])}"
+        if len(line.numbers) != 2 or np.isnan(line.numbers).any():
+            if line.number == 1:
+                continue
+            raise FileError(f"{where}: must be time,force")
+        if values and line.numbers[0] <= values[-1][0]:
+            raise FileError(f"{where}: times must rise [s]")
+        values.append(line.numbers)
+    if len(values) < 2:
+        raise FileError(f"{path}: no lines of time [s],force [N]")
+    times, force = np.array(values).T
+    return times, force

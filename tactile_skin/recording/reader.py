@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, BinaryIO, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -285,16 +285,17 @@ class Recording:
                 if after > size:
                     break
                 if kind in _READ:
-                    read = _record_at(file, good)
-                    if read is None:
-                        damaged += 1
+                    file.seek(good)
+                    try:
+                        record, found = cdr.read_record(file)
+                    except Exception:  # whatever the decompression makes of wrong bytes
+                        damaged, found = damaged + 1, []
                     else:
-                        record, found = read
                         if kind == _CHUNK:
                             chunks.append(
                                 (good, record.message_start_time, record.message_end_time)
                             )
-                        yield from self._wanted(found, begin, end, topics)
+                    yield from self._wanted(found, begin, end, topics)
                 good = file.seek(after)
                 if kind == _FOOTER:
                     whole = file.read() == _MAGIC + _VERSION
@@ -322,12 +323,3 @@ class Recording:
                 self.attachments[record.name] = record.data
             else:
                 self._declare(record)
-
-
-def _record_at(file: BinaryIO, offset: int) -> tuple[Any, list] | None:
-    """Return the record at an offset [bytes] and those it holds; None if it is damaged."""
-    file.seek(offset)
-    try:
-        return cdr.read_record(file)
-    except Exception:  # whatever the decompression makes of wrong bytes
-        return None

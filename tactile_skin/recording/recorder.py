@@ -58,6 +58,7 @@ class Recorder:
         trouble: why it has ended; empty while it records.
         broken: whether that was an error, a full disk say, and no limit that was asked for.
         dropped: messages that found the queue full.
+        store: the files that were made, the messages in them, and their size as of the last flush.
 
     Raises:
         FileError, OSError: the file cannot be made.
@@ -71,23 +72,8 @@ class Recorder:
         self._now, self._closing = now, threading.Event()
         self._waiting: deque[tuple[str, int, Message]] = deque()
         store = Ring if limits.last else Whole
-        self._store = store(path, limits, attachments, now())
+        self.store = store(path, limits, attachments, now())
         self._thread = threading.Thread(target=self._run, name="recording", daemon=True)
-
-    @property
-    def files(self) -> list[Path]:
-        """That were made."""
-        return self._store.files
-
-    @property
-    def written(self) -> int:
-        """Messages in them."""
-        return self._store.written
-
-    @property
-    def size(self) -> int:
-        """Bytes of them, as of the last flush."""
-        return self._store.size
 
     def start(self) -> None:
         self._thread.start()
@@ -103,7 +89,7 @@ class Recorder:
 
     def stop(self, t: int) -> None:
         """Keep what led to a stop at t [ns since 1970], with `limits.last`."""
-        self._store.stop(t)
+        self.store.stop(t)
 
     def close(self, timeout: float | None = None) -> None:
         """Write what waits and end the files; wait at most `timeout` for the disk [s]."""
@@ -117,15 +103,15 @@ class Recorder:
         try:
             while self._waiting:
                 topic, t, message = self._waiting.popleft()
-                self._store.write(topic, type(message), t, cdr.encode(message))
+                self.store.write(topic, type(message), t, cdr.encode(message))
                 time.sleep(0)  # hands the interpreter to who waits for it: the stop, say
-            self._store.turn(self._now(), closing)
+            self.store.turn(self._now(), closing)
         except _LimitError as reached:
             self._end(str(reached))
             with contextlib.suppress(OSError):
-                self._store.close()
+                self.store.close()
         except Exception as error:  # a full disk, say: whatever it is, it is said, and ends here
-            self._store.abandon()
+            self.store.abandon()
             self.broken = True
             self._end(getattr(error, "strerror", None) or repr(error))
 

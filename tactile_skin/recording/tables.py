@@ -18,22 +18,14 @@ _NUMBERED = 16  # cells of which no reading looks like a header that numbers the
 
 @dataclass
 class Table:
-    """Lines of one width.
+    """Lines of one width."""
 
-    Attributes:
-        numbers: (n, width); NaN: nothing there, or text.
-        numbered: (n,) lines of the file, from 1.
-        runs: (n,) rising, the same for lines that follow each other with nothing between.
-        damaged: (n,) bool, lines that stand for one of another width.
-        names: of the columns; empty: none.
-        texts: column -> its fields as text, of columns that hold any.
-    """
-
-    numbers: np.ndarray
-    numbered: np.ndarray
-    runs: np.ndarray
-    damaged: np.ndarray
-    names: list[str] = field(default_factory=list)
+    numbers: np.ndarray  # (n, width); NaN: nothing there, or text
+    numbered: np.ndarray  # (n,) lines of the file, from 1
+    runs: np.ndarray  # (n,) rising, the same for lines that follow each other with nothing between
+    damaged: np.ndarray  # (n,) bool, lines that stand for one of another width
+    names: list[str] = field(default_factory=list)  # of the columns; empty: none
+    # column -> its fields as text, of columns that hold any
     texts: dict[int, np.ndarray] = field(default_factory=dict)
 
     @classmethod
@@ -60,34 +52,23 @@ class Table:
 
 @dataclass
 class Found:
-    """What a file holds.
+    """What a file holds."""
 
-    Attributes:
-        values: (n, rows, cols) numbers; NaN: not read.
-        times: (n,) [s]; None: the file has none.
-        notes: what was assumed, repaired or dropped, in words.
-        lost: frames that were dropped.
-    """
-
-    values: np.ndarray
-    times: np.ndarray | None = None
+    values: np.ndarray  # (n, rows, cols) numbers; NaN: not read
+    times: np.ndarray | None = None  # (n,) [s]; None: the file has none
+    # what was assumed, repaired or dropped, in words
     notes: list[str] = field(default_factory=list)
-    lost: int = 0
+    lost: int = 0  # frames that were dropped
 
 
 class _Layout(NamedTuple):
-    """How lines make a frame.
+    """How lines make a frame."""
 
-    Attributes:
-        cells, others: of a line, and columns besides.
-        lines: of a frame.
-        turned: whether a line is a column of the matrix.
-    """
-
+    # cells, others: of a line, and columns besides
     cells: int
     others: int
-    lines: int
-    turned: bool = False
+    lines: int  # of a frame
+    turned: bool = False  # whether a line is a column of the matrix
 
 
 def number(word: str) -> float:

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..launch import find, read_plan
-from ..middleware.bus import Time
-from ..middleware.plan import Plan
+from ..launch import Skin, find, read_plan
+from ..middleware.bus import Context, ManualClock, Node, SingleThreadedExecutor, Time
+from ..middleware.plan import Plan, parameters_of
 from ..msg import DiagnosticArray, Image, image_array
 from ..nodes import diagnostics
 from ..nodes.stop_on_push import STATUS, STATUS_TOPIC
@@ -22,7 +22,6 @@ from ..parameters.nodes import all_names
 from ..recording import Recording, cdr, configuration
 from ..recording.reader import ADC, EVER
 from ..recording.writer import Writer
-from .driven import Driven
 
 _NODES = "compensation", "gesture_feature", "stop_on_push"  # of the launch file; no board
 _NO_PORT = "loop://"  # the driver is never started
@@ -32,24 +31,16 @@ _LONGEST_WAIT = 10.0  # s that a reading may have waited for compensation: its q
 
 @dataclass
 class Step:
-    """One reading and what the nodes made of it.
+    """One reading and what the nodes made of it."""
 
-    Attributes:
-        stamp: arrival of its last byte [ns since 1970].
-        force: (rows, cols) [N]; NaN: the frame failed.
-        total, peak: of all cells, and of the most loaded one [N].
-        status: "ok", "suspect" or "failed", as of an Estimate.
-        stop: the reason, empty while the robot is free.
-        seconds: that compensation, features and stop took on this machine.
-    """
-
-    stamp: int
-    force: np.ndarray
+    stamp: int  # arrival of its last byte [ns since 1970]
+    force: np.ndarray  # (rows, cols) [N]; NaN: the frame failed
+    # total, peak: of all cells, and of the most loaded one [N]
     total: float
     peak: float
-    status: str
-    stop: str
-    seconds: float
+    status: str  # "ok", "suspect" or "failed", as of an Estimate
+    stop: str  # the reason, empty while the robot is free
+    seconds: float  # that compensation, features and stop took on this machine
 
     def without_picture(self) -> Step:
         """Return it with an empty `force`: an hour of pictures would not fit."""
@@ -206,3 +197,66 @@ def _plan(config) -> Plan:
     plan = read_plan(find("skin.launch.yaml"), arguments | {"port": _NO_PORT, "monitor": "false"})
     plan.nodes = [action for action in plan.nodes if action.executable in _NODES]
     return plan
+
+
+_STEP = 10**14  # ns of which a float holds each
+
+
+class Driven:
+    """Nothing of the launch file's commands is started, and no time limit is kept by itself.
+
+    Args:
+        plan: of the nodes.
+        start: what the clock shows at first [ns since 1970].
+
+    Attributes:
+        nodes: executable -> node.
+        observer: for subscriptions and publishers of your own.
+
+    Raises:
+        ValueError: as Skin.build.
+    """
+
+    def __init__(self, plan: Plan, start: int):
+        self._clock = ManualClock(0.0)
+        context = Context(self._clock)
+        self._set(start)
+        self._skin = Skin(plan, context)
+        self._skin.build()
+        kinds = [action.executable for action in plan.nodes]
+        self.nodes = dict(zip(kinds, self._skin._nodes, strict=True))
+        self.observer = Node("observer", context=context)
+        self._executor = SingleThreadedExecutor()
+        for handle in (*self._skin._handles, self.observer):
+            self._executor.add_node(handle)
+
+    def _set(self, t: int) -> None:
+        while (ahead := t - self.now()) > 0:
+            self._clock.advance(min(ahead, _STEP) / 1e9)
+
+    def now(self) -> int:
+        """Return what the clock shows [ns since 1970]."""
+        return self._clock.now().nanoseconds
+
+    def until(self, t: int) -> None:
+        """Let the time go by until t [ns since 1970], if it is not over; timers run."""
+        self._set(t)
+        self.run()
+
+    def run(self) -> None:
+        """Carry out what is due now."""
+        self._executor.spin_some()
+
+    @property
+    def parameters(self) -> dict[str, dict]:
+        """Full name of each node -> {parameter: value}."""
+        return parameters_of(self._skin._handles)
+
+    @property
+    def errors(self) -> int:
+        """Callbacks that raised."""
+        return sum(handle.callback_errors for handle in self._skin._handles)
+
+    def close(self) -> None:
+        for handle in (*self._skin._handles, self.observer, self._skin.node):
+            handle.destroy_node()

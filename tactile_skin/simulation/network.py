@@ -23,29 +23,24 @@ _INFINITE = 1e9  # ohm of what is not there: of an ADC's input, say
 
 @dataclass
 class Wiring:
-    """How cells, stripes and multiplexers are joined; nodes are rows first, then columns.
+    """How cells, stripes and multiplexers are joined; nodes are rows first, then columns."""
 
-    Attributes:
-        row_of, col_of: (rows, cols) stripe (or severed part) on which each cell hangs.
-        rows, cols: stripe that each address of the multiplexer selects, or NOWHERE.
-        row_lead, col_lead: resistance of each address's way to its stripe [ohm].
-        ties: (kind a, index a, kind b, index b, S): conductances between two stripes, at their
-            leads; kind 0 is a row, 1 a column.
-        bare: sense addresses whose reference resistor is missing; not of floating matrices.
-        stripe: resistance of a stripe from its lead to its far end [ohm].
-        leakage: between each row and each column, on top of the cells [S].
-    """
-
+    # row_of, col_of: (rows, cols) stripe (or severed part) on which each cell hangs
     row_of: np.ndarray
     col_of: np.ndarray
+    # rows, cols: stripe that each address of the multiplexer selects, or NOWHERE
     rows: np.ndarray
     cols: np.ndarray
+    # row_lead, col_lead: resistance of each address's way to its stripe [ohm]
     row_lead: np.ndarray
     col_lead: np.ndarray
+    # (kind a, index a, kind b, index b, S): conductances between two stripes, at their leads; kind
+    # 0 is a row, 1 a column
     ties: list[tuple[int, int, int, int, float]] = field(default_factory=list)
+    # sense addresses whose reference resistor is missing; not of floating matrices
     bare: set[int] = field(default_factory=set)
-    stripe: float = 0.0
-    leakage: float = LEAKAGE
+    stripe: float = 0.0  # resistance of a stripe from its lead to its far end [ohm]
+    leakage: float = LEAKAGE  # between each row and each column, on top of the cells [S]
 
     @classmethod
     def sound(cls, rows: int, cols: int) -> Wiring:
@@ -97,17 +92,12 @@ def voltage_ratio(conductance: np.ndarray, wiring: Wiring, circuit: Circuit) -> 
 
 
 def between_leads(conductance: np.ndarray, wiring: Wiring) -> np.ndarray:
-    """Resistance between each row and column address with every other line floating.
+    """Resistance [ohm] between each row and column address with every other line floating.
 
     With the nodal matrix L of all stripes and severed parts, and K = (L + fill)^-1, where fill is a
     constant matrix (L is singular along the constant vector, which no difference of voltages sees):
-    rho_ij = K_aa + K_bb - 2 K_ab for the nodes a and b that the addresses i and j select.
-
-    Args:
-        conductance: (n, rows, cols) of the cells [S], 0 where there is none.
-
-    Returns:
-        (n, rows, cols) [ohm], infinite for an address that selects nothing.
+    rho_ij = K_aa + K_bb - 2 K_ab for the nodes a and b that the addresses i and j select; infinite
+    for an address that selects nothing. Conductance and result are (n, rows, cols).
     """
     nodal = nodal_matrix(conductance, wiring)
     every = np.arange(nodal.shape[1])
@@ -126,14 +116,7 @@ def driven_ratio(conductance: np.ndarray, wiring: Wiring, circuit: Circuit) -> n
     """ADC ratio of a loaded or grounded matrix, by Kirchhoff's laws for all its nodes at once.
 
     Each sense address has its resistor on the board's side of its lead, each drive address its
-    driver. One that selects nothing reads 0, and drives nothing.
-
-    Args:
-        conductance: (n, rows, cols) of the cells [S], 0 where there is none.
-        circuit: as it truly is.
-
-    Returns:
-        (n, rows, cols).
+    driver. One that selects nothing reads 0, and drives nothing. As `voltage_ratio`.
     """
     nodal = nodal_matrix(conductance, wiring)
     cols = np.where(wiring.cols == NOWHERE, NOWHERE, wiring.cols + wiring.stripes[0])

@@ -182,15 +182,8 @@ def _gestures(t, rows, cols):
     return pictures[int(t / _STEP) % len(pictures)]
 
 
-SCRIPTS = {
-    "demo": _demo,
-    "gestures": _gestures,
-    "idle": _idle,
-    "one_finger": _one_finger,
-    "two_fingers": _two_fingers,
-    "push_left": _push_left,
-    "stroke": _stroke,
-}
+_ALL = _demo, _gestures, _idle, _one_finger, _two_fingers, _push_left, _stroke
+SCRIPTS = {scene.__name__[1:]: scene for scene in _ALL}
 
 
 def script(name: str, rows: int, cols: int):

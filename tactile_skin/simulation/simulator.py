@@ -8,19 +8,16 @@ knows no port; `serve` puts it behind a pty.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-from ..board import protocol, text
-from ..board.terminal import Terminal, open_terminal
+from ..board import protocol, terminal, text
 from ..physics.adc import Adc
 from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
-from .fabric import resting_curve
-from .matrix import Matrix
+from .matrix import Matrix, resting_curve
 
 SCANS_PER_SECOND = 390  # paper section III-B
 FRAMES_PER_SECOND = 100
@@ -120,51 +117,31 @@ def serve(
     on_ready: Callable[[], None] = lambda: None,
     once: bool = False,
 ) -> None:
-    """Put the board behind a pty whose name is the symbolic link `link`, in real time.
-
-    As on a USB board, opening the port restarts it, and what nobody reads is lost. A pty knows no
-    baud rate, so the bytes are paced here. Returns when `running()` is no longer true, or with
-    `once` when whoever read the port has left; calls `on_ready()` once the link is there.
-
-    Raises:
-        FileNotFoundError: there is no folder for `link`.
-        FileExistsError: `link` is there; only the link of a board that is gone is replaced.
-    """
-    with open_terminal(link) as terminal:
-        on_ready()
-        _pump(board, terminal, lambda: running() and not (once and terminal.left()), baud)
-
-
-def _pump(board: Board, terminal: Terminal, running: Callable[[], bool], baud: int) -> None:
+    """Put the board behind a pty as `terminal.serve` does, at a baud rate, which a pty has not."""
     tick = 1.0 / SCANS_PER_SECOND
     bytes_per_tick = baud / 10 * tick  # 8N1: ten bits a byte
-    connected = False
-    pending = bytearray()
-    allowance = 0.0
-    next_tick = time.monotonic()
-    while running():
-        next_tick += tick
-        ahead = next_tick - time.monotonic()
-        time.sleep(max(0.0, ahead))
-        if ahead < -_CATCHES_UP:  # a real board's clock does not stand still meanwhile
-            missed = int(-ahead / tick)
+    pending, allowance = bytearray(), 0.0
+
+    def restart() -> None:
+        nonlocal allowance
+        board.restart()
+        pending.clear()
+        allowance = 0.0
+
+    def turn(port: terminal.Terminal, late: float) -> float:
+        nonlocal allowance
+        # a real board's clock does not stand still meanwhile
+        if missed := int(late / tick) if late > _CATCHES_UP else 0:
             board.skip(missed)
-            next_tick += missed * tick
-        was, connected = connected, terminal.connected()
-        if not connected:
-            next_tick = time.monotonic()
-            continue
-        if not was:
-            board.restart()
-            pending.clear()
-            allowance, next_tick = 0.0, time.monotonic()
-        terminal.read()  # the board takes no commands; unread input would stop the pty
+        port.read()  # the board takes no commands; unread input would stop the pty
         frame = board.scan()
         if not pending:  # a frame that is due while the last one still goes out is skipped
-            pending += frame
+            pending.extend(frame)
         allowance = min(allowance + bytes_per_tick, len(pending))
-        n = int(allowance)
-        if n:
-            written = terminal.write(bytes(pending[:n]))
+        if n := int(allowance):
+            written = port.write(bytes(pending[:n]))
             del pending[:written]
             allowance -= written
+        return missed * tick
+
+    terminal.serve(link, running, tick, restart, turn, on_ready, once)

@@ -14,9 +14,7 @@ import numpy as np
 
 from ..physics.circuit import Circuit
 from ..physics.curve import GRAM, PressureCurve
-from .converter import Converter
-from .fabric import Fabric
-from .matrix import Matrix
+from .matrix import Converter, Fabric, Matrix
 from .network import NOWHERE, Wiring
 
 _TOUCHING = 1.0  # S between two stripes that touch
@@ -25,40 +23,26 @@ _STUCK = 50.0 * GRAM, 1000.0 * GRAM  # N on a cell that stays pressed
 
 @dataclass(frozen=True)
 class Textile:
-    """What differs from the solvers' model; the defaults differ in nothing.
+    """What differs from the solvers' model; the defaults differ in nothing."""
 
-    Attributes:
-        noise: RMS of a sample, in ADC steps.
-        r_par, r_ref: true value over the one that the solver is given.
-        curve: relative error of what a load adds to each cell's conductance, of random sign.
-        scatter: relative RMS scatter of the same from cell to cell.
-        rest: relative RMS scatter of the cells' resistance at rest.
-        line: resistance of a stripe from its lead to its far end [ohm].
-        lateral: share of a cell's conductance above rest that its four neighbours gain.
-        moving: cells that the contact moves while the board reads from the first row to the last.
-        open: lines whose lead is cut: they read nothing, but still connect their cells.
-        broken: lines cut within the matrix: the far part floats.
-        short: pairs of neighbouring lines that touch.
-        stuck: cells that stay pressed by a random load.
-        ceiling: ADC ratio above which the input saturates.
-        full_scale: lines whose samples read full scale whatever is connected.
-    """
-
-    noise: float = 0.0
+    noise: float = 0.0  # RMS of a sample, in ADC steps
+    # r_par, r_ref: true value over the one that the solver is given
     r_par: float = 1.0
     r_ref: float = 1.0
+    # relative error of what a load adds to each cell's conductance, of random sign
     curve: float = 0.0
-    scatter: float = 0.0
-    rest: float = 0.0
-    line: float = 0.0
-    lateral: float = 0.0
+    scatter: float = 0.0  # relative RMS scatter of the same from cell to cell
+    rest: float = 0.0  # relative RMS scatter of the cells' resistance at rest
+    line: float = 0.0  # resistance of a stripe from its lead to its far end [ohm]
+    lateral: float = 0.0  # share of a cell's conductance above rest that its four neighbours gain
+    # cells that the contact moves while the board reads from the first row to the last
     moving: float = 0.0
-    open: int = 0
-    broken: int = 0
-    short: int = 0
-    stuck: int = 0
-    ceiling: float = 1.0
-    full_scale: int = 0
+    open: int = 0  # lines whose lead is cut: they read nothing, but still connect their cells
+    broken: int = 0  # lines cut within the matrix: the far part floats
+    short: int = 0  # pairs of neighbouring lines that touch
+    stuck: int = 0  # cells that stay pressed by a random load
+    ceiling: float = 1.0  # ADC ratio above which the input saturates
+    full_scale: int = 0  # lines whose samples read full scale whatever is connected
 
     def draw(self, circuit: Circuit, curve: PressureCurve, rng) -> Matrix:
         """Draw a matrix of this kind.

@@ -20,9 +20,9 @@ from .reading import Reading
 # Chosen on bodies of many sizes and textures (benchmarks/accuracy/prior.py).
 _SPREAD = 0.3  # of x, and of its differences between neighbours, below which they are drawn to 0
 _BROAD = 0.1  # share of the cells at rest below which the whole skin is loaded
-# Geary's contiguity ratio: 1 where neighbours differ as any two cells do. That of touches that cover
-# the skin is below 0.45, that of loads that are independent in each cell above 0.6, by first guesses
-# of scans of 8x8 and 16x16 cells of all readouts (seed 555).
+# Geary's contiguity ratio: 1 where neighbours differ as any two cells do. Touches on all of a skin
+# have less than 0.45, loads that are independent in each cell more than 0.6, by first guesses of
+# scans of 8x8 and 16x16 cells of all readouts (seed 555).
 _ALIKE = 0.55
 # The last step, `with_neighbours`.
 _STEPS = 3  # at most; one nearly always

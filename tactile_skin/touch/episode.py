@@ -24,8 +24,8 @@ _AXES = 1e-4  # m, keeps ratios finite: a touch of one cell has no axes
 _STILL = 1e-3  # m: shorter ways of the centre are its own error (tracking._NOISE)
 _STRONG = 0.5  # of the hardest cell: cells that carry the touch
 _HILL = 0.35  # of the hardest cell: maxima above it are parts of the hand, not texture
-_RISEN = 0.5  # of the largest force so far: where a peak begins
-_FALLEN = 0.4  # of the largest force so far: where it ends
+RISEN = 0.5  # of the largest force so far: where a peak begins
+FALLEN = 0.4  # of the largest force so far: where it ends
 _PLATEAU = 0.8  # of the largest force: a hand that rests
 # Median change from picture to picture, as a share of the force, that is less than any hand's: of
 # its sum and of its cells. Recorded hands at rest, 12 pictures a second, change by 1 % and 4 %, by
@@ -313,7 +313,7 @@ def _course(column: dict[str, np.ndarray], period: float) -> list[float]:
         halves = math.log((force[:half].mean() + least) / (force[half:].mean() + least))
     above, peaks = False, 0
     for share in (force / most).tolist():
-        now = share > (_FALLEN if above else _RISEN)
+        now = share > (FALLEN if above else RISEN)
         peaks += now and not above
         above = now
     std = force.std()

@@ -27,20 +27,15 @@ CELL_AREA = 0.012**2  # m^2
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """Positions and outward normals of the cells, in the base frame.
+    """Positions and outward normals of the cells, in the base frame."""
 
-    Attributes:
-        position: (rows, cols, 3) [m].
-        normal: (rows, cols, 3) unit vectors, out of the robot; 0 where there is no cell, and
-            everywhere on a cover of unknown shape, which has no direction of a push.
-        cell_area: (rows, cols) area that senses, of each cell [m^2]; pressure = force / cell_area.
-        pitch: distance between neighbouring cells [m]; of a table, the median.
-    """
-
-    position: np.ndarray
+    position: np.ndarray  # (rows, cols, 3) [m]
+    # (rows, cols, 3) unit vectors, out of the robot; 0 where there is no cell, and everywhere on a
+    # cover of unknown shape, which has no direction of a push
     normal: np.ndarray
+    # (rows, cols) area that senses, of each cell [m^2]; pressure = force / cell_area
     cell_area: np.ndarray
-    pitch: float
+    pitch: float  # distance between neighbouring cells [m]; of a table, the median
 
     @cached_property
     def lever(self) -> np.ndarray:

@@ -14,13 +14,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .episode import FALLEN, RISEN
 from .features import Contact, Frame
 from .geometry import Geometry
 from .tracking import RELEASED, Touch
 
 _STEP = 0.001  # m: the RMS error of a centre; shorter steps would add up to a path
-_RISEN = 0.5  # of the largest force so far: where a peak begins: chosen
-_FALLEN = 0.4  # the same, where it ends
 
 
 class Gesture(NamedTuple):
@@ -110,7 +109,7 @@ class _Course:
         self.area += contact.area
         if contact.force > self.largest:
             self.largest, self.largest_area = contact.force, contact.area
-        above = contact.force > (_FALLEN if self.above else _RISEN) * self.largest
+        above = contact.force > (FALLEN if self.above else RISEN) * self.largest
         self.peaks += above and not self.above
         self.above = above
         moved = math.dist(self.last, self.anchor)

@@ -14,28 +14,50 @@ import numpy as np
 
 from . import stored
 from .episode import FEATURES
-from .forest import Forest
 
 OTHER = "other"  # what is no gesture that the model knows
 VERSION = 1  # of the file
 CLIP = 4.0  # standard deviations: a feature far out says no more
 TREES_SAY = 0.7  # weight of the forest: chosen on two people's real gestures, the other's left out
 _LEAST = 1e-6  # share of a class that no tree has seen there
+_LEAF = -1  # no feature is asked for
+
+
+class Forest(NamedTuple):
+    """Trees of which each node asks whether a feature is at most a threshold."""
+
+    feature: np.ndarray  # (nodes,) int, what a node asks for; -1 in a leaf
+    threshold: np.ndarray  # (nodes,) float
+    # (nodes,) int, the node that follows where the feature is at most the threshold
+    below: np.ndarray
+    above: np.ndarray  # (nodes,) int, the other
+    share: np.ndarray  # (nodes, classes) float, share of each class in a leaf; 0 in other nodes
+    roots: np.ndarray  # (trees,) int
+
+    def shares(self, features: np.ndarray) -> np.ndarray:
+        """Return the mean share (classes,) of each class in the leaves of features (n,).
+
+        All trees are descended at once, a level a step.
+        """
+        node, left = self.roots, []
+        while node.size:
+            asked = self.feature[node]
+            inner = asked != _LEAF
+            left.append(node[~inner])
+            node, asked = node[inner], asked[inner]
+            below = features[asked] <= self.threshold[node]
+            node = np.where(below, self.below[node], self.above[node])
+        return np.asarray(self.share[np.concatenate(left)].mean(0))
 
 
 class Logistic(NamedTuple):
-    """A multinomial logistic regression.
+    """A multinomial logistic regression."""
 
-    Attributes:
-        mean, scale: (n,) of the features; they are clipped to CLIP scales.
-        weights: (classes, n).
-        bias: (classes,).
-    """
-
+    # mean, scale: (n,) of the features; they are clipped to CLIP scales
     mean: np.ndarray
     scale: np.ndarray
-    weights: np.ndarray
-    bias: np.ndarray
+    weights: np.ndarray  # (classes, n)
+    bias: np.ndarray  # (classes,)
 
     def shares(self, features: np.ndarray) -> np.ndarray:
         """Return the probability of each class (..., classes) of features (..., n)."""
@@ -46,29 +68,18 @@ class Logistic(NamedTuple):
 
 
 class GestureModel(NamedTuple):
-    """Names gestures by their features.
+    """Names gestures by their features."""
 
-    Attributes:
-        classes: names, in the order of the probabilities.
-        forest: over `episode.FEATURES`.
-        logistic: over the same features.
-        sharpness: exponent that makes their shares probabilities: of people left out it is as sure
-            on average as it is right.
-        about: what it was trained on: people, takes a class, boards, date.
-    """
-
-    classes: tuple[str, ...]
-    forest: Forest
-    logistic: Logistic
+    classes: tuple[str, ...]  # names, in the order of the probabilities
+    forest: Forest  # over `episode.FEATURES`
+    logistic: Logistic  # over the same features
+    # exponent that makes their shares probabilities: of people left out it is as sure on average as
+    # it is right
     sharpness: float
-    about: dict[str, Any]
+    about: dict[str, Any]  # what it was trained on: people, takes a class, boards, date
 
     def probabilities(self, features: np.ndarray) -> np.ndarray:
-        """Return the probability of each class.
-
-        Args:
-            features: (len(FEATURES),) of `Episode.features`.
-        """
+        """Return the probability of each class, by the (n,) features of an `Episode`."""
         both = common(self.forest.shares(features), self.logistic.shares(features))
         return sharpened(both, self.sharpness)
 

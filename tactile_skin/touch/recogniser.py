@@ -59,10 +59,7 @@ class Cells:
     area.
 
     Args:
-        pitch: distance between neighbouring cells of the mat [m].
-
-    Attributes:
-        pitch: the same of these cells [m].
+        pitch: distance between neighbouring cells of the mat [m]; `pitch`: of these cells.
     """
 
     def __init__(self, pitch: float):

@@ -18,21 +18,13 @@ PAUSE = 1.0  # s without a touch, which parts two takes
 
 
 class Take(NamedTuple):
-    """One performance of one gesture.
+    """One performance of one gesture."""
 
-    Attributes:
-        label: name of the gesture.
-        person: who made it.
-        pictures: (T, rows, cols) force on touched cells [N], 0 elsewhere.
-        period: between pictures [s].
-        pitch: distance between neighbouring cells [m].
-    """
-
-    label: str
-    person: str
-    pictures: np.ndarray
-    period: float
-    pitch: float
+    label: str  # name of the gesture
+    person: str  # who made it
+    pictures: np.ndarray  # (T, rows, cols) force on touched cells [N], 0 elsewhere
+    period: float  # between pictures [s]
+    pitch: float  # distance between neighbouring cells [m]
 
     def save(self, path: str | Path) -> None:
         """Write the take to an .npz file."""
@@ -78,14 +70,10 @@ def find_takes(paths: Iterable[str | Path]) -> Iterator[Path]:
 
 
 def touches(pictures: np.ndarray, period: float) -> list[np.ndarray]:
-    """Cut pictures where nothing touches for a while.
+    """Cut pictures (T, rows, cols) where nothing touches for a while; each from touch to touch.
 
     Args:
-        pictures: (T, rows, cols) [N], 0 on cells that are not touched.
         period: between them [s].
-
-    Returns:
-        (T, rows, cols) of each take, from its first touch to its last.
     """
     on = np.flatnonzero(pictures.any((1, 2)))
     if len(on) == 0:

@@ -20,30 +20,24 @@ Push = dict  # of Pictures.push_of: row, column, direction
 
 @dataclass
 class Entry:
-    """A stop, or something that a node found.
+    """A stop, or something that a node found."""
 
-    Attributes:
-        kind: "stop" or "finding".
-        begin, end: its times [s]; end None: it lasts.
-        stamp: of the reading that shows it [s]: the hardest of a push, else the first.
-        reason, causes: of the stop; of a finding its message, and the node's name.
-        force, limit: largest force as the stop counts it, and the one that is a push [N].
-        peak, cell_limit: the same of one cell.
-        push: where the hardest push came from; None: nothing pushed.
-        rows, cols: that something was found on.
-    """
-
-    kind: str
+    kind: str  # "stop" or "finding"
+    # begin, end: its times [s]; end None: it lasts
     begin: float
     end: float | None
-    stamp: float
+    stamp: float  # of the reading that shows it [s]: the hardest of a push, else the first
+    # reason, causes: of the stop; of a finding its message, and the node's name
     reason: str
     causes: tuple[str, ...] = ()
+    # force, limit: largest force as the stop counts it, and the one that is a push [N]
     force: float = 0.0
     limit: float | None = None
+    # peak, cell_limit: the same of one cell
     peak: float = 0.0
     cell_limit: float | None = None
-    push: Push | None = None
+    push: Push | None = None  # where the hardest push came from; None: nothing pushed
+    # rows, cols: that something was found on
     rows: tuple[int, ...] = ()
     cols: tuple[int, ...] = ()
 

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import json
 import math
+import struct
 from dataclasses import replace
 from functools import lru_cache
 from typing import TypeVar
@@ -16,7 +18,6 @@ from ..physics.curve import PressureCurve
 from ..solvers import METHODS, Estimate, compensate
 from ..touch import features
 from .snapshot import Snapshot, lines_of, number
-from .wire import packed_with, parts_of
 
 _T = TypeVar("_T")
 PUBLISHED = "published"  # not a method: what the skin itself made of the reading
@@ -284,3 +285,43 @@ def _rms(misfit: np.ndarray | None) -> float | None:
 
 def _count(text: str | None) -> int:
     return int(number(text) or 0)
+
+
+# --- the wire, which wire.js reads ---
+#
+#   length of the head (4 bytes, little-endian) | head: JSON, padded to 4 bytes | arrays
+#
+# The head is an object; its `arrays` lists [name, dtype, shape] of each array that follows, in
+# order, little-endian, each padded to 4 bytes.
+
+_LENGTH = struct.Struct("<I")
+
+
+def parts_of(head: dict, arrays: dict[str, np.ndarray]) -> tuple[str, bytes]:
+    """Return two parts, for `packed_with`: what several messages have in common.
+
+    Args:
+        head: JSON's own types; NaN is not allowed.
+        arrays: float32, uint16 or uint8, any shape.
+    """
+    parts, listed = [], []
+    for name, array in arrays.items():
+        array = np.ascontiguousarray(array)
+        listed.append([name, array.dtype.str, array.shape])
+        parts.append(_padded(array.tobytes(), b"\0"))
+    return _json({"arrays": listed} | head), b"".join(parts)
+
+
+def packed_with(more: dict, head: str, arrays: bytes) -> bytes:
+    """Return a message of the parts, with more in its head."""
+    text = f"{_json(more)[:-1]},{head[1:]}" if more else head
+    said = _padded(text.encode(), b" ")
+    return b"".join((_LENGTH.pack(len(said)), said, arrays))
+
+
+def _json(values: dict) -> str:
+    return json.dumps(values, allow_nan=False, separators=(",", ":"))
+
+
+def _padded(data: bytes, fill: bytes) -> bytes:
+    return data + fill * (-len(data) % 4)

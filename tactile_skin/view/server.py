@@ -73,25 +73,18 @@ _HEADERS = {
 
 @dataclass(frozen=True)
 class Wanted:
-    """What a page asks for.
+    """What a page asks for."""
 
-    Attributes:
-        a, b: the method of the large picture, and the one to compare it with, if it is explained.
-        after: number of the snapshot that it has.
-        drawn: number of the one that it drew last.
-        at: of a recording, the time [s] from its start; of a running skin, the stamp of a moment
-            [s], 0: now.
-        ask: one of ASKS; empty: a snapshot.
-        text: what was typed, to "answer".
-    """
-
+    # a, b: the method of the large picture, and the one to compare it with, if it is explained
     a: str = PUBLISHED
     b: str = ""
-    after: int = 0
-    drawn: int = 0
+    after: int = 0  # number of the snapshot that it has
+    drawn: int = 0  # number of the one that it drew last
+    # of a recording, the time [s] from its start; of a running skin, the stamp of a moment [s], 0:
+    # now
     at: float = 0.0
-    ask: str = ""
-    text: str = ""
+    ask: str = ""  # one of ASKS; empty: a snapshot
+    text: str = ""  # what was typed, to "answer"
 
 
 def read_wanted(text: str | bytes) -> Wanted:
@@ -141,13 +134,9 @@ def names_this_host(host: str, reached: str) -> bool:
 
 
 class Source(Protocol):
-    """Where snapshots come from.
+    """Where snapshots come from."""
 
-    Attributes:
-        log: what happened.
-    """
-
-    log: Log
+    log: Log  # what happened
 
     @property
     def work(self) -> Work | None:

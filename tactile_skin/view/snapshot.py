@@ -49,37 +49,31 @@ class NodeStatus:
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """The newest of each topic.
+    """The newest of each topic."""
 
-    Attributes:
-        stamp: of the reading [s].
-        read_at: when its last byte arrived, on the monotonic clock [s]; None: in a recording.
-        adc: (rows, cols) uint16 of skin/adc; None as long as there is none.
-        pressure, std: (rows, cols) float32 [Pa], of the same reading if there are.
-        contacts: (n, 9) float32, the columns CONTACT, of the same reading unless they are late.
-        gestures: id of a contact -> the name of its gesture, as far as it is sure.
-        rest: (rows, cols) float32, resistance of the untouched cells [ohm], once measured.
-        stop: whether the robot is stopped, with its reason and causes; None: nobody said.
-        force: of all contacts, as the stop counts it [N].
-        limit, cell_limit: force of all contacts, and on one cell, that is a push [N]; None:
-            nobody said.
-        nodes: name -> what it said last on diagnostics.
-    """
-
-    stamp: float = 0.0
+    stamp: float = 0.0  # of the reading [s]
+    # when its last byte arrived, on the monotonic clock [s]; None: in a recording
     read_at: float | None = None
-    adc: np.ndarray | None = None
+    adc: np.ndarray | None = None  # (rows, cols) uint16 of skin/adc; None as long as there is none
+    # pressure, std: (rows, cols) float32 [Pa], of the same reading if there are
     pressure: np.ndarray | None = None
     std: np.ndarray | None = None
+    # (n, 9) float32, the columns CONTACT, of the same reading unless they are late
     contacts: np.ndarray = field(default_factory=lambda: NO_CONTACTS)
+    # id of a contact -> the name of its gesture, as far as it is sure
     gestures: dict[int, str] = field(default_factory=dict)
+    # (rows, cols) float32, resistance of the untouched cells [ohm], once measured
     rest: np.ndarray | None = None
+    # whether the robot is stopped, with its reason and causes; None: nobody said
     stop: bool | None = None
     reason: str = ""
     causes: tuple[str, ...] = ()
-    force: float = 0.0
+    force: float = 0.0  # of all contacts, as the stop counts it [N]
+    # limit, cell_limit: force of all contacts, and on one cell, that is a push [N]; None: nobody
+    # said
     limit: float | None = None
     cell_limit: float | None = None
+    # name -> what it said last on diagnostics
     nodes: dict[str, NodeStatus] = field(default_factory=dict)
 
 

@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Time against the number of cells."""
+"""Times: against the number of cells, and of the compiled loops."""
 
 import json
 
 import numpy as np
 import pytest
 
+from benchmarks import kernel as benchmark
 from benchmarks.accuracy import growth
 from tactile_skin.bench import chart
-from tactile_skin.bench.measure import frames
-from tactile_skin.physics.circuit import Circuit
-from tactile_skin.physics.curve import PressureCurve
+from tactile_skin.physics import compiled
 from tactile_skin.solvers import METHODS
 
 
@@ -18,19 +17,6 @@ def test_a_power_law_has_its_exponent():
     sizes = [8, 16, 32, 64]
     assert growth.exponent(sizes, [9.0, *(s**3.0 for s in sizes[1:])]) == pytest.approx(1.5)
     assert growth.exponent([16], [1.0]) is None
-
-
-# y of map and newton, a half above what docs/bench/growth.json has: machines differ
-_MOST = {16: (5.5, 3.5), 32: (12.0, 11.0), 64: (60.0, 45.0)}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("size", _MOST)
-def test_a_frame_takes_no_longer_than_its_size_allows(size):
-    circuit, curve = Circuit(size, size), PressureCurve()
-    _, adc = frames("bodies", "scan", 40, np.random.default_rng(23), circuit, curve)
-    for method, most in zip(("map", "newton"), _MOST[size], strict=True):
-        assert growth.timed(adc, circuit, curve, method)[0].quantile(0.5) < most
 
 
 # --- the pictures ---
@@ -73,3 +59,18 @@ def test_what_is_drawn_is_what_is_written(drawn, tmp_path):
             if entry[key] and (key == "p50_ms" or method in METHODS):
                 assert tuple(np.round(entry[key], 9)) in curves
     plt.close("all")
+
+
+@pytest.mark.skipif(compiled.library is None, reason="no compiler was found at installation")
+@pytest.mark.parametrize("scene", benchmark.SCENES)
+def test_both_forms_take_turns_and_the_compiled_one_stays(scene):
+    library = compiled.library
+    row = benchmark.measure(scene, 8, 2)
+    assert compiled.library is library
+    assert row.compiled > 0.0 and row.plain > 0.0 and row.ratio > 0.0
+
+
+def test_without_a_compiler_there_is_nothing_to_measure(monkeypatch):
+    monkeypatch.setattr(compiled, "library", None)
+    with pytest.raises(SystemExit, match="nothing is compiled"):
+        benchmark.measured(1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Processes that are ended by signals: the last word is stop, and nothing is left."""
+"""Short runs of `python -m benchmarks.running.lifetime` and `soak`; options make long ones."""
 
 import subprocess
 import sys
@@ -10,7 +10,6 @@ import pytest
 
 pytestmark = pytest.mark.live
 
-SCRIPT, ROOT = "benchmarks.running.lifetime", Path(__file__).parents[2]
 DEMO = """
 import os
 from tactile_skin.launch import launch
@@ -22,28 +21,22 @@ with launch(method="auto") as skin:
 """
 
 
-def lifetime(*words) -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", SCRIPT, *words], cwd=ROOT, capture_output=True, text=True
-    )
-    print(done.stdout)
-    assert done.returncode == 0, done.stdout + done.stderr
-
-
 @pytest.mark.ci
-def test_the_last_word_is_stop():
-    """Each place with each single and doubled signal."""
-    lifetime("--runs", "48")
-
-
-@pytest.mark.slow
-def test_the_last_word_is_stop_in_300_runs():
-    lifetime("--runs", "300", "--seed", "2")
-
-
-@pytest.mark.slow
-def test_the_last_word_is_stop_in_time_also_with_hooks_that_hang():
-    lifetime("--runs", "36", "--hang")
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("lifetime", "--runs", "48"),  # the last word is stop: each place, each one or two signals
+        ("soak", "--unplug", "3", "--rate", "100"),  # a stop, and nothing is left behind
+    ],
+)
+def test_a_short_run_is_sound(words):
+    done = subprocess.run(
+        [sys.executable, "-m", f"benchmarks.running.{words[0]}", *words[1:]],
+        cwd=Path(__file__).parents[2],
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 @pytest.mark.slow

@@ -4,24 +4,11 @@
 import json
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from benchmarks.doctor import watch
-from benchmarks.running import touch_to_stop, way
+from benchmarks.running import touch_to_stop
 from tactile_skin.simulation import scenes
-
-pytestmark = pytest.mark.live
-
-
-@pytest.mark.slow
-def test_a_skin_decides_on_every_frame():
-    found = way.run_skins(1, "naive", 100, 3.0, 0)
-    assert found["frames"] >= 280 and found["missed"] == 0
-    assert 0.0 < found["p50_ms"] <= found["p99_ms"] <= found["max_ms"]
-
-
-# --- touch to stop ---
 
 CALLS = [(0.5, True, "stale"), (1.0, False, ""), (2.01, True, "push"), (2.1, True, "push + x")]
 
@@ -61,20 +48,6 @@ def test_the_page_holds_the_table_of_the_run_that_it_shows():
     data = json.loads((root / "docs/bench/touch_to_stop.json").read_text())
     assert sum(entry["missed"] for entry in data["rises"]) == 0
     assert touch_to_stop.table(data) in (root / "docs/lab/stop.md").read_text()
-
-
-@pytest.mark.slow
-def test_touch_to_stop_on_the_running_skin():
-    """Typical times only: the tail is the machine's, see docs/lab/stop.md."""
-    found = touch_to_stop.measure(4, 2, 0)["touch_to_stop"]
-    for entry in found["rises"]:
-        assert entry["missed"] == 0 and len(entry["seen_ms"]) == 4
-        assert np.median(entry["seen_ms"]) <= touch_to_stop.LIMIT_MS
-    for times in found["cuts"].values():
-        assert len(times) == 2 and max(times) <= touch_to_stop.CUT_LIMIT_MS
-
-
-# --- a fault that lasts ---
 
 
 @pytest.mark.ci

@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Touches on the simulated board, `scan`, `auto`, against their truth; the rest is `slow`."""
+"""Touches on the simulated board, `scan`, `auto`, against their truth."""
 
 import numpy as np
 import pytest
 
 from benchmarks.accuracy import touch, truth
-
-pytestmark = pytest.mark.live
+from benchmarks.body import seam
 
 SIZES = {"singles": 60, "neighbours": 20, "corners": 40, "streams": 2, "strokes": 2}
 
@@ -28,13 +27,6 @@ def test_every_bound_is_met(quick):
 def test_the_naive_method_would_not_meet_them(quick):
     """The frames of corners are such that ghosts arise."""
     assert quick["corners"]["naive_ghosts"] > 0.5 * SIZES["corners"]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [101, 102])
-def test_every_bound_is_met_in_full(seed):
-    found = touch.lines(touch.measure(touch.FULL, seed))
-    assert not [str(line) for line in found if not line.met]
 
 
 # --- the benchmark itself ---
@@ -77,3 +69,8 @@ def test_a_missed_bound_is_told(capsys, monkeypatch):
     monkeypatch.setattr(touch, "QUICK", dict.fromkeys(touch.QUICK, 1) | {"singles": 8})
     assert touch.main(["--quick"]) == 1
     assert "MISSED" in capsys.readouterr().out
+
+
+def test_a_few_strokes_keep_their_id():
+    found = seam.measure(strokes=6, seed=11)
+    assert found["seam"]["one_id"] == found["one_mat"]["one_id"] == 1.0

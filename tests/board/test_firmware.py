@@ -7,7 +7,7 @@ import threading
 
 import numpy as np
 import pytest
-from support.chips import needs_chip
+from support.chips import needs_both, needs_chip
 from support.firmware import (
     BROWN_OUT,
     CURVE,
@@ -15,6 +15,7 @@ from support.firmware import (
     WATCHDOG,
     Chip,
     frames_of,
+    on_both,
     resistance,
     steady,
     time_constant,
@@ -31,9 +32,7 @@ from tactile_skin.errors import FirmwareError
 from tactile_skin.launch import launch
 from tactile_skin.physics.adc import Adc
 from tactile_skin.simulation import scenes
-from tactile_skin.simulation.fabric import resting_curve
-
-pytestmark = pytest.mark.live
+from tactile_skin.simulation.matrix import resting_curve
 
 # --- the binary ---
 
@@ -289,6 +288,7 @@ def test_the_same_program_reads_boards_that_are_wired_otherwise(circuit, wired):
 # --- behind a port ---
 
 
+@pytest.mark.live
 @pytest.mark.ci
 @needs_chip
 def test_a_push_on_the_simulated_chip_stops_the_robot(tmp_path):
@@ -308,3 +308,18 @@ def test_a_push_on_the_simulated_chip_stops_the_robot(tmp_path):
             skin.spin(0.5)
             waited += 0.5
     assert pushed.is_set(), heard
+
+
+# --- simavr and avr8js, which share no code ---
+
+
+@pytest.mark.ci
+@needs_both
+def test_both_send_the_same_frames():
+    """Three loads one after the other, 1 ADC step of noise."""
+    one, other = on_both(2.0)
+    frames = BinaryParser().feed(one)
+    assert len(frames) in range(195, 201)
+    assert abs(len(one) - len(other)) <= 1  # one may have stopped a cycle later
+    n = min(len(one), len(other))
+    assert one[:n] == other[:n]

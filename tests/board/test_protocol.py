@@ -135,8 +135,8 @@ def test_no_flipped_byte_passes(place):
         data[len(frame_bytes(0)) + place] ^= flip
         parser = BinaryParser()
         assert [content(f) for f in parser.feed(bytes(data))] == [sent(0), sent(2)]
-        assert (parser.counters.frames, parser.counters.lost) == (2, 1)
-        assert parser.counters.skipped_bytes == len(frame_bytes(1))
+        corrupt = int(place > 1)  # without its magic it was no frame
+        assert parser.counters == Counters(2, corrupt, 1, 0, len(frame_bytes(1)))
 
 
 @pytest.mark.parametrize("start", range(1, len(frame_bytes(0))))
@@ -253,15 +253,6 @@ def test_gaps_of_the_sequence_are_counted(sequences, lost, restarts):
     parser = BinaryParser()
     parser.feed(stream(*sequences))
     assert parser.counters == Counters(len(sequences), 0, lost, restarts, 0)
-
-
-@pytest.mark.parametrize("place", [3, 20])  # rows, a sample
-def test_a_damaged_frame_is_counted_once(place):
-    data = bytearray(stream(0, 1, 2))
-    data[len(frame_bytes(0)) + place] ^= 0x10
-    parser = BinaryParser()
-    parser.feed(bytes(data))
-    assert parser.counters == Counters(2, 1, 1, 0, len(frame_bytes(1)))
 
 
 # --- text -------------------------------------------------------------------------------------

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The reader of a serial port: whatever happens to the port, it goes on, and says so."""
 
+import contextlib
 import errno
 import os
 import threading
@@ -73,15 +74,22 @@ def reading(heard):
 
 
 @pytest.fixture
-def silent_port(tmp_path):
-    """A port that is there, and says nothing."""
+def line(tmp_path):
+    """Both ends of a serial line, and the name of ours."""
     master, slave = os.openpty()
     tty.setraw(slave)
-    link = tmp_path / "silent"
+    link = tmp_path / "line"
     link.symlink_to(os.ttyname(slave))
-    yield link
-    os.close(master)
-    os.close(slave)
+    yield master, slave, link
+    for end in (master, slave):
+        with contextlib.suppress(OSError):  # it is closed
+            os.close(end)
+
+
+@pytest.fixture
+def silent_port(line):
+    """A port that is there, and says nothing."""
+    return line[2]
 
 
 def test_frames_arrive(tmp_path, heard, reading):
@@ -163,7 +171,7 @@ class Dying:
 
 
 def test_a_port_that_is_lent_is_read_again_once_it_is_free(tmp_path, heard, reading, monkeypatch):
-    monkeypatch.setattr(serial_port, "_LENT", 0.6)
+    monkeypatch.setattr(serial_port, "_LENT", 0.3)
     link = str(tmp_path / "skin")
     with serving(tmp_path / "skin"):
         reader = reading(link)
@@ -173,7 +181,7 @@ def test_a_port_that_is_lent_is_read_again_once_it_is_free(tmp_path, heard, read
         reader.lend()
         heard.wait_for_line(f"port {link} is lent to another program")
         with open_port(link, 1_000_000):
-            time.sleep(1.0)
+            time.sleep(0.5)
             assert reader.connected_to is None and "is lent" in reader.trouble
         heard.wait_for(lambda: heard.lines.count(f"frames arrive on {link}") == 2)
         assert reader.reconnects == 1
@@ -205,21 +213,14 @@ def test_a_silent_port_is_opened_anew(silent_port, heard, reading):
     assert reader.reconnects == -1
 
 
-def test_garbage_is_silence_to_the_watchdog(tmp_path, heard, reading):
+def test_garbage_is_silence_to_the_watchdog(line, heard, reading):
     """A port that sends, but no frame, is no board."""
-    master, slave = os.openpty()
-    tty.setraw(slave)
-    try:
-        reading(os.ttyname(slave), watchdog=0.02)
-        pause = threading.Event()
-        while not heard.lines:
-            os.write(master, b"hello ")
-            pause.wait(0.005)
-        heard.wait_for_line("bytes arrive, but no frame: check serial_driver.baud and")
-        assert heard.frames == []
-    finally:
-        os.close(master)
-        os.close(slave)
+    reading(line[2], watchdog=0.02)
+    while not heard.lines:
+        os.write(line[0], b"hello ")
+        time.sleep(0.005)
+    heard.wait_for_line("bytes arrive, but no frame: check serial_driver.baud and")
+    assert heard.frames == []
 
 
 def test_a_missing_port_is_waited_for(tmp_path, heard, reading):
@@ -309,17 +310,13 @@ def test_what_is_no_serial_device_is_refused_at_the_start(tmp_path, kind):
         check_port(str(path))
 
 
-def test_a_hangup_is_called_one(tmp_path, heard, reading):
+def test_a_hangup_is_called_one(line, heard, reading):
     """However pyserial tells it: here as a port that can be read and gives nothing."""
-    master, slave = os.openpty()
-    tty.setraw(slave)
-    link = tmp_path / "tty"
-    link.symlink_to(os.ttyname(slave))
+    master, slave, link = line
     reader = reading(link, watchdog=PATIENCE)
-    pause = threading.Event()
     while not reader.parser.counters.skipped_bytes:  # it reads
         os.write(master, b"hello ")
-        pause.wait(0.005)
+        time.sleep(0.005)
     os.close(slave)
     os.close(master)
     heard.wait_for_line(f"port {link} is gone: was the board unplugged?")
@@ -514,11 +511,8 @@ def test_auto_needs_a_port(monkeypatch):
         check_port("auto")
 
 
-def test_a_port_that_is_there_is_taken(monkeypatch):
+def test_a_port_that_is_there_is_taken(monkeypatch, line):
     """So is auto with a candidate, and a URL that pyserial knows."""
-    master, slave = os.openpty()
     monkeypatch.setattr(serial_port, "candidates", lambda *_: ["/dev/ttyUSB3"])
-    for port in (os.ttyname(slave), "auto", "loop://"):
+    for port in (str(line[2]), "auto", "loop://"):
         check_port(port)
-    os.close(master)
-    os.close(slave)

@@ -15,9 +15,7 @@ from tactile_skin.board import terminal
 from tactile_skin.board.formats import make_parser
 from tactile_skin.board.protocol import BinaryParser
 from tactile_skin.physics.adc import Adc
-from tactile_skin.simulation import fabric, scenes, simulator
-
-pytestmark = pytest.mark.live
+from tactile_skin.simulation import matrix, scenes, simulator
 
 
 def frames_of(simulated, scans: int) -> list:
@@ -65,7 +63,7 @@ def test_its_cells_differ_at_rest():
     """As those of every fabric do; one voltage for all is what a board without a matrix reads."""
     simulated = make_board(circuit=Circuit(16, 16), seed=3)
     scatter = np.log(simulated.curve.rest_resistance / PressureCurve().rest_resistance)
-    assert scatter.std() == pytest.approx(fabric.REST_SCATTER, rel=0.2)
+    assert scatter.std() == pytest.approx(matrix.REST_SCATTER, rel=0.2)
     pressed = simulated.curve.resistance(5.0) / PressureCurve().resistance(5.0)
     assert np.abs(pressed - 1.0).max() < 0.01
 
@@ -156,6 +154,7 @@ def read_frames(port, n: int, parser: BinaryParser) -> list:
     return frames
 
 
+@pytest.mark.live
 def test_a_reader_gets_whole_frames_in_order(tmp_path):
     """Through pyserial, as from a real port; a second opening restarts the board."""
     parser = BinaryParser()
@@ -171,6 +170,7 @@ def test_a_reader_gets_whole_frames_in_order(tmp_path):
     assert (parser.counters.corrupt, parser.counters.lost) == (0, 0)
 
 
+@pytest.mark.live
 def test_bytes_from_the_reader_do_no_harm(tmp_path):
     """The board takes no commands, and must not stop for what is written to it."""
     with (
@@ -182,6 +182,7 @@ def test_bytes_from_the_reader_do_no_harm(tmp_path):
         assert len(read_frames(port, 5, BinaryParser())) >= 5
 
 
+@pytest.mark.live
 def test_a_link_left_behind_is_replaced(tmp_path):
     """By a board that was killed, say."""
     link = tmp_path / "skin"
@@ -190,6 +191,7 @@ def test_a_link_left_behind_is_replaced(tmp_path):
         assert link.exists()
 
 
+@pytest.mark.live
 def test_a_link_that_another_board_took_over_stays(tmp_path):
     link = tmp_path / "skin"
     with serving(link):
@@ -198,6 +200,7 @@ def test_a_link_that_another_board_took_over_stays(tmp_path):
     assert os.readlink(link) == "another"
 
 
+@pytest.mark.live
 @pytest.mark.parametrize("make", ["write_text", "mkdir"])
 def test_what_is_no_link_is_not_replaced(tmp_path, make):
     link = tmp_path / "skin"
@@ -207,6 +210,7 @@ def test_what_is_no_link_is_not_replaced(tmp_path, make):
     assert link.exists()
 
 
+@pytest.mark.live
 @pytest.mark.parametrize("there", [True, False])
 def test_a_link_of_somebody_else_is_neither_replaced_nor_removed(tmp_path, there):
     """Also while it leads nowhere, as that of a device that is not plugged in."""
@@ -219,6 +223,7 @@ def test_a_link_of_somebody_else_is_neither_replaced_nor_removed(tmp_path, there
     assert os.readlink(link) == str(device)
 
 
+@pytest.mark.live
 def test_a_board_that_serves_once_ends_when_its_reader_has_left(tmp_path, monkeypatch):
     monkeypatch.setattr(terminal, "_LEFT_FOR", 0.05)
     link = tmp_path / "skin"

@@ -11,7 +11,7 @@ from tactile_skin import PressureCurve, cli
 from tactile_skin.errors import FileError
 from tactile_skin.launch import read_skin
 from tactile_skin.physics.curve import GRAM
-from tactile_skin.recording.reference import read_reference
+from tactile_skin.recording.lines import read_reference
 
 
 @pytest.fixture(scope="module")

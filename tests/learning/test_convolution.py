@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The convolution of the small networks."""
+"""The convolution of the small networks, and the one behind the last step of `map`."""
 
 import numpy as np
 import pytest
 from scipy.signal import correlate2d
 
+from tactile_skin.learning import denoiser
 from tactile_skin.learning.convolution import convolve, layer_of
 
 
@@ -30,12 +31,14 @@ def test_a_convolution_is_the_sum_of_its_channels(shape, channels, outputs, dila
     np.testing.assert_array_equal(convolve(turned[:, ::-1], layer, dilation), found)
 
 
-def test_a_convolution_by_hand():
-    """A picture of ones: each cell counts its neighbours, and itself ten times; the bias is 0.5."""
-    weight = np.ones((1, 1, 3, 3))
-    weight[0, 0, 1, 1] = 10.0
-    layer, ones = layer_of(weight, np.array([0.5])), np.ones((1, 3, 4), np.float32)
-    near = [[13.5, 15.5, 15.5, 13.5], [15.5, 18.5, 18.5, 15.5], [13.5, 15.5, 15.5, 13.5]]
-    np.testing.assert_array_equal(convolve(ones, layer, 1), [near])
-    far = [[13.5] * 4, [11.5] * 4, [13.5] * 4]
-    np.testing.assert_array_equal(convolve(ones, layer, 2), [far])
+@pytest.mark.parametrize("off", [-0.5, 0.5])
+def test_a_cell_is_expected_to_be_like_its_neighbours(off):
+    """In the midst of a flat patch, where the fit knows it less than the others."""
+    every = np.ones((16, 16), bool)
+    unknown = np.zeros((16, 16), bool)
+    unknown[3:12, 3:12] = True
+    x, std = np.where(unknown, 5.0, 0.0), np.where(unknown, 0.1, 0.05)
+    x[7, 7], std[7, 7] = 5.0 + off, 0.3
+    mean, wide = denoiser.shipped()(x, std, np.full((16, 16), 2.0), unknown, every)
+    assert abs(mean[7, 7] - 5.0) < 0.4
+    assert wide[7, 7] < 0.3

@@ -19,18 +19,20 @@ from tactile_skin.touch.geometry import CELL_AREA
 from tactile_skin.touch.model import load_model
 from tactile_skin.touch.take import PAUSE, SUFFIX, Take, load_take
 
+for library in ("sklearn", "tqdm", "mcap"):
+    pytest.importorskip(library)
+
 
 @pytest.fixture(scope="module")
 def takes(tmp_path_factory):
     folder = tmp_path_factory.mktemp("takes")
-    for k, take in enumerate(simulated(range(300, 303), 3, 0)):
-        if take.label in ("stroke", "tickle", "poke"):
-            take.save(folder / f"{k}{SUFFIX}")
+    gestures = "stroke", "tickle", "poke"
+    for k, take in enumerate(simulated(range(300, 303), 3, 0, gestures=gestures)):
+        take.save(folder / f"{k}{SUFFIX}")
     return folder
 
 
 def test_a_recogniser_is_trained_from_ones_own_takes(takes, tmp_path, capsys):
-    pytest.importorskip("sklearn")
     out = tmp_path / "mine.gestures.npz"
     assert cli.main(["gestures", "train", str(takes), "--alone", "--out", str(out)]) == 0
     model = load_model(out)
@@ -43,7 +45,6 @@ def test_a_recogniser_is_trained_from_ones_own_takes(takes, tmp_path, capsys):
 
 
 def test_people_are_left_out_in_turn(takes, capsys):
-    pytest.importorskip("sklearn")
     assert cli.main(["gestures", "evaluate", str(takes)]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "people left out in turn"
@@ -57,7 +58,6 @@ def test_people_are_left_out_in_turn(takes, capsys):
 
 
 def test_an_evaluation_is_drawn(takes, tmp_path, capsys):
-    pytest.importorskip("sklearn")
     image = pytest.importorskip("matplotlib.image")
     picture = tmp_path / "evaluation.png"
     assert cli.main(["gestures", "evaluate", str(takes), "--picture", str(picture)]) == 0
@@ -68,7 +68,6 @@ def test_an_evaluation_is_drawn(takes, tmp_path, capsys):
 
 
 def test_false_gestures_are_counted_an_hour_of_what_is_none(tmp_path, capsys):
-    pytest.importorskip("tqdm")
     for k in range(6):
         picture = np.zeros((50, 16, 16))  # 2 s of a thing that shakes, and the silence after it
         picture[:, 4:7, 4:7] = 1.0 + np.sin(np.arange(50) + k)[:, None, None]
@@ -82,7 +81,6 @@ def test_false_gestures_are_counted_an_hour_of_what_is_none(tmp_path, capsys):
 
 
 def test_few_takes_and_absent_ones_are_mistakes_that_are_named(takes, tmp_path, capsys):
-    pytest.importorskip("tqdm")
     one = tmp_path / f"one{SUFFIX}"
     load_take(next(takes.iterdir())).save(one)
     out = str(tmp_path / "model")
@@ -100,7 +98,6 @@ def test_few_takes_and_absent_ones_are_mistakes_that_are_named(takes, tmp_path, 
 
 
 def test_each_touch_of_a_recording_is_a_take(tmp_path, capsys):
-    pytest.importorskip("mcap")
     path = tmp_path / "touches.mcap"
     on = np.array([0] * 20 + [1] * 30 + [0] * 150 + [1] * 20 + [0] * 150 + [1] + [0] * 20)
     writer = Writer(path, {}, 0)

@@ -28,16 +28,9 @@ def random_weights(rows, cols, kind="paper"):
     return net, state, meta
 
 
-def parameters(net):
-    return sum(p.numel() for p in net.parameters())
-
-
-def test_the_papers_network_has_4544_parameters():
-    assert parameters(make_net("paper", 16, 16)) == 4544
-
-
-def test_the_physics_fed_network_is_no_larger_than_agreed():
-    assert parameters(make_net("physics", 16, 16)) == 5078
+@pytest.mark.parametrize(("kind", "n"), [("paper", 4544), ("physics", 5078)])
+def test_a_network_has_as_many_parameters_as_agreed(kind, n):
+    assert sum(p.numel() for p in make_net(kind, 16, 16).parameters()) == n
 
 
 @pytest.mark.parametrize("kind", network.NETWORKS)

@@ -7,7 +7,7 @@ import pytest
 from tactile_skin.learning.gestures import GLANCES, glances, left_out, table_of, train
 from tactile_skin.learning.hands import simulated
 from tactile_skin.touch.episode import FEATURES
-from tactile_skin.touch.model import OTHER, load_model
+from tactile_skin.touch.model import OTHER
 from tactile_skin.touch.take import Take
 
 pytest.importorskip("sklearn")
@@ -16,8 +16,7 @@ KNOWN = ("pat", "poke", "stroke", "tickle")
 
 @pytest.fixture(scope="module")
 def table():
-    takes = [t for t in simulated(range(8), 3, 12, ("lean", "wall")) if t.label in (*KNOWN, OTHER)]
-    return table_of(takes)
+    return table_of(list(simulated(range(12), 3, 12, ("lean", "wall"), KNOWN)))
 
 
 def test_people_that_it_has_not_seen_are_understood(table):
@@ -28,15 +27,6 @@ def test_people_that_it_has_not_seen_are_understood(table):
     assert right[made].mean() > 0.8 and right[event].mean() > 0.8
     assert (~right & (said != OTHER))[made].mean() < 0.05  # one gesture taken for another
     assert right[~table.end].mean() > 0.6  # some glances come before a gesture is itself
-
-
-def test_a_model_says_what_it_is_of_and_is_the_same_after_a_file(table, tmp_path):
-    model = train(table, {"people": 8}, trees=20)
-    assert model.classes == tuple(sorted((*KNOWN, OTHER))) and model.about == {"people": 8}
-    model.save(tmp_path / "model.npz")
-    read = load_model(tmp_path / "model.npz")
-    for row in table.features[:20]:
-        assert read.probabilities(row) == pytest.approx(model.probabilities(row))
 
 
 @pytest.mark.ci

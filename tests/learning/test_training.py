@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tactile_skin import Circuit, PressureCurve
+from tactile_skin import Circuit, PressureCurve, cli, compensate, forward
 from tactile_skin.learning import dataset, network
 from tactile_skin.learning.dataset import TrainingConfig, make_pairs
+from tactile_skin.middleware.config import read_skin
 
 torch = pytest.importorskip("torch", reason="the extra train")
 training = pytest.importorskip("tactile_skin.learning.training")
@@ -19,7 +20,7 @@ CIRCUIT, CURVE = Circuit(6, 7), PressureCurve()
 TINY = TrainingConfig(pairs=600, validation=90, epochs=4, batch=50, rate=5e-3, seed=4)
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture(autouse=True, scope="module")
 def one_thread():
     """The runs are tiny: two threads would wait for one another, long where a core is busy."""
     before = torch.get_num_threads()
@@ -39,10 +40,14 @@ def same(a: network.Weights, b: network.Weights) -> bool:
     return np.array_equal(a.predict(adc), b.predict(adc))
 
 
-def test_the_same_seed_gives_the_same_weights_and_another_does_not(tmp_path):
-    first, _ = run(tmp_path / "a")
-    assert same(first, run(tmp_path / "b")[0])
-    assert not same(first, run(tmp_path / "c", replace(TINY, seed=5))[0])
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    return run(tmp_path_factory.mktemp("whole"))[0]
+
+
+def test_the_same_seed_gives_the_same_weights_and_another_does_not(whole, tmp_path):
+    assert same(whole, run(tmp_path / "b")[0])
+    assert not same(whole, run(tmp_path / "c", replace(TINY, seed=5))[0])
 
 
 def test_stripes_are_no_business_of_the_network(tmp_path):
@@ -60,9 +65,7 @@ def test_the_physics_fed_network_trains_too(tmp_path):
     assert weights.predict(np.full((6, 7), 0.2)).shape == (6, 7)
 
 
-def test_a_killed_run_resumes_to_the_same_result(tmp_path):
-    whole, _ = run(tmp_path / "whole")
-
+def test_a_killed_run_resumes_to_the_same_result(whole, tmp_path):
     class Killed(Exception):
         pass
 
@@ -80,10 +83,11 @@ def test_a_killed_run_resumes_to_the_same_result(tmp_path):
 
 
 def test_a_checkpoint_of_another_run_is_refused_with_what_differs(tmp_path):
-    run(tmp_path)
+    short = replace(TINY, epochs=1)
+    run(tmp_path, short)
     with pytest.raises(ValueError, match="another rate"):
-        run(tmp_path, replace(TINY, rate=1e-3))
-    restarted, _ = run(tmp_path, replace(TINY, rate=1e-3), resume=False)
+        run(tmp_path, replace(short, rate=1e-3))
+    restarted, _ = run(tmp_path, replace(short, rate=1e-3), resume=False)
     assert restarted.meta["config"]["rate"] == 1e-3
 
 
@@ -199,3 +203,27 @@ def test_the_line_kernels_start_open(seed):
     with torch.inference_mode():
         for line in (net.row, net.col):
             assert (line(inputs) > 0).float().mean() > 0.7
+
+
+BOARD = """/**:
+  ros__parameters:
+    circuit: {rows: 6, cols: 7, r_par: 352.0, r_line: 9.0}
+    curve: {gain: [1.5]}
+"""
+FEW = ["--pairs", "600", "--validation", "90", "--epochs", "2", "--batch", "50"]
+
+
+@pytest.mark.parametrize(("kind", "method"), [("paper", "cnn"), ("physics", "physics")])
+def test_a_network_is_trained_for_a_circuit_and_its_curve(tmp_path, capsys, kind, method):
+    """With stripes, and cells with gains: both are no business of the network's."""
+    config, out = tmp_path / "mine.yaml", tmp_path / "weights"
+    config.write_text(BOARD)
+    words = ["--config", str(config), "--out", str(out), "--network", kind, "--threads", "1"]
+    assert cli.main(["train", *words, *FEW]) == 0
+    assert f"weights: {out / kind}.npz" in capsys.readouterr().out
+    weights, skin = network.load(out / f"{kind}.npz"), read_skin(config)
+    force = np.full((6, 7), 0.3)
+    adc = forward(skin.circuit, skin.curve.resistance(force))
+    found = compensate(adc, skin.circuit, skin.curve, method, weights=weights)
+    usual = compensate(adc, skin.circuit, skin.curve.usual, method, weights=weights)
+    np.testing.assert_allclose(found.force, 1.5 * usual.force, rtol=0.05)

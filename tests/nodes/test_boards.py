@@ -31,7 +31,7 @@ from tactile_skin.nodes.compensation import Compensation
 from tactile_skin.nodes.observers.monitor import Monitor
 from tactile_skin.nodes.stop_on_push import STATUS, STATUS_TOPIC, StopOnPush, stop_message_of
 from tactile_skin.physics.adc import NOT_READ, Adc
-from tactile_skin.simulation.fabric import resting_curve
+from tactile_skin.simulation.matrix import resting_curve
 
 pytestmark = pytest.mark.live
 

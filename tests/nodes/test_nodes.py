@@ -43,7 +43,7 @@ from tactile_skin.nodes.push_arrow import PushArrow
 from tactile_skin.nodes.serial_driver import SerialDriver
 from tactile_skin.nodes.stop_on_push import HEARTBEAT, LATCHED, STATUS_TOPIC, StopOnPush
 from tactile_skin.simulation import scenes, simulator
-from tactile_skin.simulation.fabric import resting_curve
+from tactile_skin.simulation.matrix import resting_curve
 from tactile_skin.solvers import Estimate
 
 pytestmark = pytest.mark.live

@@ -15,6 +15,8 @@ from tactile_skin.recording.convert import export, to_recording
 from tactile_skin.recording.frames import Frames, read_frames
 from tactile_skin.recording.writer import Writer
 
+pytest.importorskip("mcap")
+
 
 @pytest.fixture
 def config(tmp_path):
@@ -25,7 +27,6 @@ def config(tmp_path):
 
 @pytest.mark.parametrize("kind", [".npy", ".npz", ".csv"])
 def test_there_and_back(tmp_path, config, kind):
-    pytest.importorskip("mcap")
     samples = recorded.samples(30) // 64 * 64
     samples[3, 1, 2] = 65535
     path, out = recorded.write(tmp_path / "a.mcap", samples), tmp_path / f"a{kind}"
@@ -47,7 +48,6 @@ def test_there_and_back(tmp_path, config, kind):
 
 
 def test_pressure_is_exported_where_it_was_recorded(tmp_path, config):
-    pytest.importorskip("mcap")
     path, frames = tmp_path / "a.mcap", recorded.samples(5)
     writer = Writer(path, {}, recorded.START)
     for k, frame in enumerate(frames):
@@ -64,7 +64,6 @@ def test_pressure_is_exported_where_it_was_recorded(tmp_path, config):
 
 
 def test_frames_without_times_take_a_rate(tmp_path, config):
-    pytest.importorskip("mcap")
     skin, path = read_skin(config), tmp_path / "a.mcap"
     to_recording(Frames(np.zeros((4, 4, 5)), path="a"), path, skin, None, 50.0, recorded.START)
     np.testing.assert_allclose(Recording(path).times, np.arange(4) / 50.0, atol=1e-9)
@@ -89,7 +88,6 @@ def rest(tmp_path, n=200):
 @pytest.mark.ci
 @pytest.mark.usefixtures("joblib_keeps_no_process")
 def test_a_foreign_file_is_replayed_recorded_and_exported(tmp_path, config, call):
-    pytest.importorskip("mcap")
     path, made, out = rest(tmp_path), tmp_path / "made.mcap", tmp_path / "out.npy"
     status, said, err = call("replay", path, f"config:={config}", "rate:=50", "--out", made)
     assert status == 0
@@ -104,7 +102,6 @@ def test_a_foreign_file_is_replayed_recorded_and_exported(tmp_path, config, call
 
 
 def test_the_reason_of_a_stop_from_the_first_reading_on_is_said(tmp_path, config, call):
-    pytest.importorskip("mcap")
     calm, pressed = rest(tmp_path), tmp_path / "pressed.npy"
     np.save(pressed, np.random.default_rng(3).integers(200, 900, (200, 4, 5)).astype(np.uint16))
     length = {calm: r"for \d\.\d\d s", pressed: "until the end"}
@@ -115,7 +112,6 @@ def test_the_reason_of_a_stop_from_the_first_reading_on_is_said(tmp_path, config
 
 
 def test_methods_are_compared(tmp_path, config, call):
-    pytest.importorskip("tqdm")
     words = f"config:={config}", "--compare", "map", "naive"
     status, said, _ = call("replay", rest(tmp_path, 60), *words)
     assert status == 0

@@ -59,20 +59,6 @@ def test_a_second_library_reads_the_same(tmp_path):
     np.testing.assert_array_equal(read, frames)
 
 
-@pytest.mark.parametrize("share", [0.3, 0.6, 0.9])
-def test_what_is_cut_off_is_read_up_to_there(tmp_path, share):
-    frames = recorded.samples(100)
-    path = recorded.write(tmp_path / "a.mcap", frames)
-    data = path.read_bytes()
-    path.write_bytes(data[: int(share * len(data))])
-    found = Recording(path)
-    n = len(found.adc)
-    assert n % 10 == 0
-    assert 100 * share - 30 < n <= 100
-    np.testing.assert_array_equal(found.adc, frames[:n])
-    assert "ends without an index" in found.damage
-
-
 def test_every_cut_is_read_or_refused(tmp_path):
     """Never another exception, and never a reading that was not there."""
     frames = recorded.samples(12)
@@ -87,7 +73,8 @@ def test_every_cut_is_read_or_refused(tmp_path):
             assert str(path) in str(error)
             continue
         np.testing.assert_array_equal(found.adc, frames[:n])
-        assert found.damage or end == len(data)
+        assert 12 * end / len(data) - 4 < n
+        assert "ends without an index" in found.damage or end == len(data)
 
 
 def test_a_damaged_chunk_is_left_out_and_named(tmp_path):

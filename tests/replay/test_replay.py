@@ -9,10 +9,9 @@ from tactile_skin import Circuit, PressureCurve, cli, forward
 from tactile_skin.msg import DiagnosticArray, DiagnosticStatus, Header, Image, Time, image
 from tactile_skin.recording import Recording, cdr, configuration
 from tactile_skin.recording.writer import Writer
-from tactile_skin.replay.compare import compare, table
 from tactile_skin.replay.replay import Replay
-from tactile_skin.replay.results import Job, collect
-from tactile_skin.simulation.fabric import resting_curve
+from tactile_skin.replay.results import Job, collect, compare, table
+from tactile_skin.simulation.matrix import resting_curve
 
 pytest.importorskip("mcap")
 CIRCUIT = Circuit(6, 7)
@@ -48,14 +47,18 @@ def path(tmp_path_factory):
     return write(tmp_path_factory.mktemp("recorded") / "a.mcap")
 
 
-def force(path, **given) -> np.ndarray:
-    return np.array([step.force for step in Replay(Recording(path), **given)])
+@pytest.fixture(scope="module")
+def steps(path):
+    """As it was recorded."""
+    return list(Replay(Recording(path)))
 
 
-def test_each_reading_gives_a_step(path):
-    found = Recording(path)
-    steps = list(Replay(found))
-    assert [s.stamp for s in steps] == found.stamps.tolist()
+def forces(steps) -> np.ndarray:
+    return np.array([step.force for step in steps])
+
+
+def test_each_reading_gives_a_step(path, steps):
+    assert [s.stamp for s in steps] == Recording(path).stamps.tolist()
     touched = np.array([s.peak > 5.0 for s in steps])
     assert touched[320:400].all() and not touched[:290].any()
     assert all(s.total == pytest.approx(40.0, rel=0.1) for s in steps[320:400])
@@ -70,23 +73,24 @@ def test_each_node_is_made_once(path, caplog):
     assert caplog.text.count("geometry.shape is unknown") == 1
 
 
-def test_a_replay_is_the_same_to_the_bit(path):
-    np.testing.assert_array_equal(force(path), force(path))
+def test_a_replay_is_the_same_to_the_bit(path, steps):
+    np.testing.assert_array_equal(forces(Replay(Recording(path))), forces(steps))
 
 
-def test_another_method(path):
-    assert np.abs(force(path, method="naive") - force(path)).max() > 0.1
+def test_another_method(path, steps):
+    naive = Replay(Recording(path), method="naive")
+    assert np.abs(forces(naive) - forces(steps)).max() > 0.1
     with pytest.raises(ValueError, match=r"method of node .* = .magic.: must be one of"):
         Replay(Recording(path), method="magic")
 
 
-def test_another_configuration(path, tmp_path):
+def test_another_configuration(path, steps, tmp_path):
     config = tmp_path / "other.yaml"
     circuit = {"rows": 6, "cols": 7, "r_par": 300.0}
     sections = {"/**": {"circuit": circuit}, "stop_on_push": {"threshold": 60.0, "peak": 9.0}}
     text = {name: {"ros__parameters": values} for name, values in sections.items()}
     config.write_text(yaml.safe_dump(text))
-    assert not np.array_equal(force(path, config=config), force(path))
+    assert not np.array_equal(forces(Replay(Recording(path), config=config)), forces(steps))
     circuit["rows"] = 5
     config.write_text(yaml.safe_dump(text))
     replay = Replay(Recording(path), config=config)
@@ -156,12 +160,13 @@ def test_a_replay_is_recorded(path, tmp_path):
     assert found.topics["/skin/contacts"].count == len(pressure)
 
 
-def test_methods_side_by_side(path):
-    found = compare(Job(str(path)), ["map", "naive", "map"])
-    assert found.cell.shape == (3, 600)
+def test_methods_side_by_side(path, tmp_path):
+    job = Job(str(write(tmp_path / "a.mcap", 3.5)))
+    found = compare(job, ["map", "naive", "map"])
+    assert found.cell.shape == (3, 350)
     assert found.cell[0].max() == found.cell[2].max() == 0.0 < found.cell[1].max()
     about, lines = table(found).split("\n\n")
-    assert "600 readings of 6.0 s" in about and "from map" in about
+    assert "350 readings of 3.5 s" in about and "from map" in about
     assert [line.split()[0] for line in lines.splitlines()] == ["method", "map", "naive", "map"]
     with pytest.raises(ValueError, match="give two or more"):
         compare(Job(str(path)), ["map"])

@@ -6,14 +6,7 @@ import pytest
 
 from tactile_skin.simulation.people.anything import anything
 from tactile_skin.simulation.people.events import EVENTS, happen
-from tactile_skin.simulation.people.hands import (
-    GESTURES,
-    Hand,
-    Person,
-    perform,
-    pressed,
-    pulse,
-)
+from tactile_skin.simulation.people.hands import GESTURES, Hand, Person, perform, pressed, pulse
 from tactile_skin.simulation.people.mat import Mat
 
 MAT = Mat(16, 16, 0.018)
@@ -21,19 +14,13 @@ PERIOD = 0.04
 
 
 @pytest.mark.parametrize("gesture", GESTURES)
-def test_a_performance_begins_and_ends_untouched(gesture):
+def test_a_performance_begins_and_ends_untouched_and_is_the_persons_own(gesture):
     pictures = perform(gesture, Person(3), MAT, 5, PERIOD)
     assert pictures.shape[1:] == (16, 16) and np.isfinite(pictures).all()
     assert (pictures >= 0.0).all() and pictures.max() > 0.05
     assert not pictures[0].any() and pictures[-1].sum() < 0.1 * pictures.sum((1, 2)).max()
-
-
-@pytest.mark.parametrize("gesture", GESTURES)
-def test_the_same_numbers_are_the_same_performance(gesture):
-    first, again = (perform(gesture, Person(3), MAT, 5, PERIOD) for _ in range(2))
-    assert np.array_equal(first, again)
-    other = perform(gesture, Person(4), MAT, 5, PERIOD)
-    assert first.shape != other.shape or not np.array_equal(first, other)
+    assert np.array_equal(pictures, perform(gesture, Person(3), MAT, 5, PERIOD))
+    assert not np.array_equal(pictures, perform(gesture, Person(4), MAT, 5, PERIOD))
 
 
 @pytest.mark.parametrize("event", EVENTS)

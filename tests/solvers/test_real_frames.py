@@ -71,9 +71,3 @@ def test_less_of_the_picture_is_loaded_after_the_fit():
     naive = cells.force(SKIN.two_terminal(insole.ratio(np.maximum(frame, 1))))
     read = frame > 0
     assert estimate.force[read].sum() < 0.6 * naive[read].sum()
-
-
-def test_a_frame_is_drawn(tmp_path):
-    pytest.importorskip("matplotlib")
-    insole.draw(FRAMES[0], ROW, COL, tmp_path / "insole.png")
-    assert (tmp_path / "insole.png").stat().st_size > 5000

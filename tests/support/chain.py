@@ -11,7 +11,7 @@ from tactile_skin.msg import DiagnosticArray, Image, image_array
 from tactile_skin.nodes import diagnostics
 from tactile_skin.nodes.stop_on_push import STATUS, STATUS_TOPIC, causes_of
 from tactile_skin.physics.circuit import Circuit
-from tactile_skin.replay.driven import Driven
+from tactile_skin.replay.replay import Driven
 
 _NO_PORT = "loop://"  # the driver's reader is never started: bytes come by `feed`
 _NEEDS_CIRCUIT = ("serial_driver", "compensation", "gesture_feature")

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from support.chips import AVR8JS
-from tactile_skin import Circuit, PressureCurve, compensate, forward
+from tactile_skin import Circuit, PressureCurve, forward
 from tactile_skin.board import description
 from tactile_skin.board.firmware import build
 from tactile_skin.board.firmware import chip as simulated
@@ -28,24 +28,16 @@ BROWN_OUT, WATCHDOG = 4, 8  # causes of a reset, as in MCUSR
 
 
 class Measured(NamedTuple):
-    """What was seen of the chip's work, in cycles of its clock.
+    """What was seen of the chip's work, in cycles of its clock."""
 
-    Attributes:
-        cycles: since the start.
-        conversions: of the ADC.
-        settling: least time from a switch of the multiplexers to the next conversion.
-        hold: least time from the begin of a conversion to the next switch.
-        early, late: most that a conversion began before or after its tick.
-        overruns: bytes that came faster than the program took them.
-    """
-
-    cycles: int
-    conversions: int
-    settling: int
-    hold: int
+    cycles: int  # since the start
+    conversions: int  # of the ADC
+    settling: int  # least time from a switch of the multiplexers to the next conversion
+    hold: int  # least time from the begin of a conversion to the next switch
+    # early, late: most that a conversion began before or after its tick
     early: int
     late: int
-    overruns: int
+    overruns: int  # bytes that came faster than the program took them
 
 
 class Chip(simulated.Chip):
@@ -77,21 +69,17 @@ def frames_of(chip: Chip, parser: BinaryParser, seconds: float) -> list:
 
 
 class Steady(NamedTuple):
-    """Of some time in which nothing changes.
+    """Of some time in which nothing changes."""
 
-    Attributes:
-        scans, cells, frames: a second.
-        error: largest difference of a reading from the model, in ADC steps of 1/1024 of the supply
-        speed: of the simulation, in real time.
-    """
-
+    # scans, cells, frames: a second
     scans: float
     cells: float
     frames: float
+    # largest difference of a reading from the model, in ADC steps of 1/1024 of the supply
     error: float
     counters: Counters
     measured: Measured
-    speed: float
+    speed: float  # of the simulation, in real time
 
 
 def steady(
@@ -148,35 +136,6 @@ def time_constant(filter_eighths: int, steps: int = 24) -> tuple[float, float]:
     delays, left = np.array(delays), np.array(left)
     use = (left > 0.01) & (left < 0.8)
     return -1.0 / np.polyfit(delays[use], np.log(left[use]), 1)[0], said.time_constant
-
-
-def settling(tau: float) -> float:
-    """Largest error of a reading [ADC steps] if the ADC's input has this time constant [s]."""
-    circuit = Circuit()
-    with Chip(circuit, tau=tau) as chip:
-        cells = resistance(circuit, "two_fingers")
-        chip.feel(cells)
-        frame = frames_of(chip, BinaryParser(), 0.3)[-1]
-    return float(np.abs(frame.samples / 64 - forward(circuit, cells) * STEPS).max())
-
-
-def converter(error: float, frames: int = 20, seed: int = 3) -> tuple[float, float]:
-    """Share of touched frames that are suspect, and the largest error of a sum of forces, if the
-    ADC's error is up to `error` steps, smooth over the scale (three sines of random phase)."""
-    circuit, rng = Circuit(), np.random.default_rng(seed)
-    suspect, off = [], []
-    for scene in ("one_finger", "two_fingers", "push_left"):
-        force = scenes.script(scene, *circuit.shape)(0.0)
-        u = forward(circuit, CURVE.resistance(force))
-        for _ in range(frames):
-            phase = rng.uniform(0.0, 2.0 * np.pi, 3)
-            sines = [np.sin(2.0 * np.pi * n * u + p) for n, p in zip((1, 3, 8), phase, strict=True)]
-            wrong = error * (sines[0] + sines[1] + 0.5 * sines[2]) / 2.5
-            reading = u + (wrong + 0.5 * rng.standard_normal(u.shape)) / STEPS
-            estimate = compensate(reading, circuit, CURVE, method="map")
-            suspect.append(estimate.status != "ok")
-            off.append(abs(estimate.force.sum() / force.sum() - 1.0))
-    return float(np.mean(suspect)), max(off)
 
 
 def on_both(seconds: float, noise: float = 1.0, seed: int = 5) -> tuple[bytes, bytes]:

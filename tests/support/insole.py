@@ -26,13 +26,13 @@ R_REF = 350.0
 _PRESSURE = (2.502, 7.132, 14.889, 25.024, 37.411, 50.048, 75.072, 100.472, 150.0)  # kPa
 _RESISTANCE = (15.7, 9.05, 4.92, 2.79, 2.41, 2.15, 2.06, 1.99, 1.75)  # kohm
 _REST = 200.0  # kohm; others measured a fall by a factor of 35 to 370 from no load to 1.2 kg
-_AREA = np.pi * 0.003**2  # m^2
+AREA = np.pi * 0.003**2  # m^2
 _PITCH = 0.0075  # m
 
 
 def curve() -> PressureCurve:
     """Force on one disc [N] <-> its resistance [ohm]."""
-    force = np.array([0.0, *_PRESSURE, 1500.0]) * 1e3 * _AREA
+    force = np.array([0.0, *_PRESSURE, 1500.0]) * 1e3 * AREA
     return PressureCurve(force, np.array([_REST, *_RESISTANCE, 0.2]) * 1e3)
 
 
@@ -99,7 +99,7 @@ def summary(frames: np.ndarray, skin: Circuit, offset: float = ADC_OFFSET) -> di
     misfit = [
         unexplained(frame, skin, e.force, offset) for frame, e in zip(frames, found, strict=True)
     ]
-    share = _PITCH**2 / _AREA  # the discs stand for the whole sole
+    share = _PITCH**2 / AREA  # the discs stand for the whole sole
     why = [reason(e.message) for e in found if e.status != "ok"]
     return {
         "frames": len(found),
@@ -156,28 +156,3 @@ def controls(frames: np.ndarray, row: np.ndarray, col: np.ndarray, seed: int = 0
         "permuted": summary(permuted, circuit(mask)),
         "picture's grid": summary(picture, circuit(picture[0] >= 0)),
     }
-
-
-def draw(frame: np.ndarray, row: np.ndarray, col: np.ndarray, path) -> None:
-    """One frame in the insole's geometry: as read, and after the fit."""
-    from matplotlib import pyplot as plt
-
-    mask = frame >= 0
-    cells = curve()
-    skin = circuit(mask)
-    estimate, _ = fit(frame, skin, cells)
-    naive = cells.force(skin.two_terminal(ratio(np.maximum(frame, 1))))
-    naive = np.where(frame > 0, naive, 0.0)
-    figure, axes = plt.subplots(1, 2, figsize=(6.4, 6), layout="constrained")
-    for axis, force, title in (
-        (axes[0], naive, "each reading taken for its own cell"),
-        (axes[1], estimate.force, "after map"),
-    ):
-        pressure = force / _AREA / 1e3  # kPa
-        image = np.where(row >= 0, pressure[row, col], np.nan)
-        shown = axis.imshow(image, vmin=0.0, vmax=float(np.nanquantile(image, 0.95)))
-        axis.set_title(title, fontsize=9)
-        axis.set_axis_off()
-        figure.colorbar(shown, ax=axis, shrink=0.6, label="pressure [kPa]")
-    figure.savefig(path, dpi=110)
-    plt.close(figure)

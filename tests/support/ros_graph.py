@@ -29,7 +29,7 @@ from tactile_skin.middleware.parameter_file import ParameterFile
 from tactile_skin.physics.circuit import Circuit
 from tactile_skin.physics.curve import PressureCurve
 from tactile_skin.simulation import scenes, simulator
-from tactile_skin.simulation.fabric import Fabric, resting_curve
+from tactile_skin.simulation.matrix import Fabric, resting_curve
 
 PATIENCE = 60.0  # s, for what must happen
 WARM_UP = 1.0  # s, not counted

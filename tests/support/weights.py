@@ -8,10 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from support.lab.unknown import Unknown
-from tactile_skin import (
-    PressureCurve,
-    compensate,
-)
+from tactile_skin import PressureCurve, compensate
 from tactile_skin.physics.creep import Creep
 from tactile_skin.physics.curve import GRAM
 from tactile_skin.simulation import scenes
@@ -67,13 +64,6 @@ def weighed(board: Unknown, laid: np.ndarray, creep: float, rng) -> np.ndarray:
 def known(board: Unknown):
     """Its circuit, as it is."""
     return replace(board.supposed, r_par=board.r_par, r_line=board.r_line)
-
-
-def bend(board: Unknown, share: float, phase: float) -> None:
-    """Give it a curve whose conductance waves by a share, once in a factor of 190 of the force."""
-    force, resistance = np.array(board.curve.points).T
-    wave = np.exp(share * np.sin(1.2 * np.log(force[1:]) + phase))
-    board.curve = PressureCurve(force, resistance / np.append(1.0, wave))
 
 
 def stream(board: Unknown, times_laid: int, late: float, rng, drawn=objects):

@@ -41,15 +41,6 @@ def test_a_push_on_the_front_points_backward_with_its_force():
     np.testing.assert_allclose(felt.direction, [-1.0, 0.0, 0.0], atol=1e-12)
 
 
-def test_torque_is_position_times_force():
-    force = np.zeros((16, 16))
-    force[2, 12] = 4.0
-    felt = push(force, CYLINDER)
-    expected = np.cross(CYLINDER.position[2, 12], -4.0 * CYLINDER.normal[2, 12])
-    np.testing.assert_allclose(felt.torque, expected, atol=1e-12)
-    np.testing.assert_allclose(felt.centre, CYLINDER.position[2, 12])
-
-
 def test_the_push_is_that_of_all_contacts():
     """Force, torque and centre of two contacts add up over all touched cells."""
     force = finger(16, 16, 3.0, 3.0, 4.0) + finger(16, 16, 11.0, 12.0, 9.0)

@@ -112,11 +112,3 @@ def test_what_leaves_a_cell_changed_it():
     """A touch that moves on by a cell changes the cells that it leaves as well."""
     told = play([patch(2.0), patch(2.0, col=3)])[-1]
     assert told[1].pressure_variability == pytest.approx((4 + 2 + 2) * 2.0 / 0.01)
-
-
-def test_no_touch_is_remembered_after_its_release():
-    tracker, gestures = Tracker(PLANE.pitch), Gestures(PLANE)
-    for k in range(300):
-        frame = features.analyse_frame(patch(1.0) * (k % 20 < 10), PLANE, 0.2)
-        gestures.update(k * DT, frame, tracker.update(k * DT, frame))
-        assert len(gestures._courses) <= 1

@@ -8,8 +8,7 @@ import pytest
 
 from tactile_skin.errors import FileError
 from tactile_skin.touch.episode import FEATURES
-from tactile_skin.touch.forest import Forest
-from tactile_skin.touch.model import TREES_SAY, GestureModel, Logistic, load_model
+from tactile_skin.touch.model import TREES_SAY, Forest, GestureModel, Logistic, load_model
 
 N = len(FEATURES)
 

@@ -15,7 +15,7 @@ from support.marks import ci
 pytest.importorskip("websockets", reason="serves the page")
 
 from support import chromium
-from support.chromium import Chromium, until
+from support.chromium import until
 
 pytestmark = pytest.mark.live
 
@@ -80,10 +80,15 @@ def running(*words):
 
 
 @pytest.fixture(scope="module")
-def live():
+def skin():
     words = ("launch", "scene:=two_fingers", "method:=auto", "monitor:=false", "view:=true")
-    with running(*words) as (address, _):
-        yield address
+    with running(*words) as found:
+        yield found
+
+
+@pytest.fixture
+def live(skin):
+    return skin[0]
 
 
 @pytest.fixture(scope="module")
@@ -167,22 +172,6 @@ def test_it_fits_a_phone(live, browser, scheme):
     assert colours == len(set(cells))
 
 
-def test_it_does_not_call_a_robot_free_whose_skin_hangs_or_ended(tmp_path):
-    words = ("launch", "scene:=two_fingers", "monitor:=false", "view:=true")
-    with running(*words) as (address, end), Chromium(tmp_path / "profile") as browser:
-        browser.open(address)
-        browser.until(f"{TEXT.format('stop')}.includes('free')")
-        end(signal.SIGSTOP)
-        browser.until(f"{TEXT.format('stop')}.includes('unknown')")
-        browser.until(f"{TEXT.format('old')}.includes('s old')")
-        end(signal.SIGCONT)
-        browser.until(f"{TEXT.format('stop')}.includes('free')")
-        end()
-        browser.until(f"{TEXT.format('old')}.includes('old')")
-        browser.until("document.body.classList.contains('old')")
-        browser.until(f"{TEXT.format('stop')}.includes('unknown')")
-
-
 @pytest.mark.ci
 def test_a_recording_is_scrubbed(recording, browser):
     with running("view", str(recording)) as (address, _):
@@ -203,3 +192,20 @@ def test_a_recording_is_scrubbed(recording, browser):
         before, _ = browser.run(COLOURS.replace("NAME", "b"))  # it stands: another method is drawn
         browser.press("b")
         until(lambda: browser.run(COLOURS.replace("NAME", "b"))[0] != before, "another picture")
+
+
+def test_it_does_not_call_a_robot_free_whose_skin_hangs_or_ended(skin, browser):
+    """The last test: it ends the skin of the others."""
+    address, end = skin
+    browser.open(address)
+    browser.until(f"{TEXT.format('stop')}.includes('free')")
+    end(signal.SIGSTOP)
+    browser.until(f"{TEXT.format('stop')}.includes('unknown')")
+    browser.until(f"{TEXT.format('old')}.includes('s old')")
+    end(signal.SIGCONT)
+    browser.until(f"{TEXT.format('stop')}.includes('free')")
+    end()
+    browser.until(f"{TEXT.format('old')}.includes('old')")
+    browser.until("document.body.classList.contains('old')")
+    browser.until(f"{TEXT.format('stop')}.includes('unknown')")
+    browser.errors.clear()  # that nobody answers any more

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page in Chromium, of snapshots that are known: found by role and text."""
 
+import contextlib
 import io
 import json
 from dataclasses import replace
@@ -36,6 +37,15 @@ def pushed(skin):
     """Nothing, a push of 53 N at most, then a light touch."""
     forces = [0, 20, 53, 33, 10, 10]
     return [snapshot(skin, 0.5 * k, f, stop=f > 30) for k, f in enumerate(forces)]
+
+
+@contextlib.contextmanager
+def free(browser, skin, snapshots, **more):
+    """The page of a skin that ends free; its source."""
+    with served(skin, snapshots, **more) as (address, source):
+        browser.open(address)
+        browser.until(f"{STATUS} === '✓ free'")
+        yield source
 
 
 def box(browser, selector) -> dict:
@@ -81,9 +91,7 @@ def test_a_direction_has_words(browser):
 
 
 def test_the_pressure_is_large_and_has_a_scale_of_its_own(browser):
-    with served(SHAPED, [snapshot(SHAPED, newtons=10)]) as (address, _):
-        browser.open(address)
-        browser.until(f"{STATUS} === '✓ free'")
+    with free(browser, SHAPED, [snapshot(SHAPED, newtons=10)]):
         assert box(browser, "#a canvas")["width"] >= 0.45 * 1400
         legend = "document.querySelector('#a .legend').innerText"
         browser.until(f"{legend}.includes('N per cell') && {legend}.includes('stop at 9')")
@@ -96,9 +104,7 @@ def test_the_pressure_is_large_and_has_a_scale_of_its_own(browser):
 @pytest.mark.parametrize(("rows", "cols"), [(32, 10), (64, 64), (8, 22), (16, 16)])
 def test_a_mat_of_any_size_fills_its_card(browser, rows, cols):
     skin = skin_of({"circuit.rows": rows, "circuit.cols": cols}, "")
-    with served(skin, [snapshot(skin, newtons=10)]) as (address, _):
-        browser.open(address)
-        browser.until(f"{STATUS} === '✓ free'")
+    with free(browser, skin, [snapshot(skin, newtons=10)]):
         for name in ("a", "reading"):
             card, picture = box(browser, f"#{name}"), box(browser, f"#{name} .picture canvas")
             assert picture["width"] >= 0.85 * card["width"] - 30, name
@@ -108,9 +114,7 @@ def test_a_mat_of_any_size_fills_its_card(browser, rows, cols):
 
 
 def test_explain_opens_what_is_behind_the_picture(browser):
-    with served(SHAPED, [snapshot(SHAPED, newtons=10)]) as (address, _):
-        browser.open(address)
-        browser.until(f"{STATUS} === '✓ free'")
+    with free(browser, SHAPED, [snapshot(SHAPED, newtons=10)]):
         assert not browser.found("heading", "uncertainty")
         browser.click("button", "explain")
         for name in ("naive", "uncertainty", "unexplained"):
@@ -121,9 +125,7 @@ def test_explain_opens_what_is_behind_the_picture(browser):
 
 
 def test_a_picture_is_enlarged_and_made_small_again(browser):
-    with served(SHAPED, [snapshot(SHAPED, newtons=10)]) as (address, _):
-        browser.open(address)
-        browser.until(f"{STATUS} === '✓ free'")
+    with free(browser, SHAPED, [snapshot(SHAPED, newtons=10)]):
         small = box(browser, "#reading canvas")["width"]
         browser.click("button", "enlarge raw reading")
         browser.until("document.getElementById('reading').classList.contains('large')")
@@ -134,9 +136,7 @@ def test_a_picture_is_enlarged_and_made_small_again(browser):
 
 
 def test_a_stop_of_the_log_shows_its_moment(browser):
-    with served(SHAPED, pushed(SHAPED)) as (address, _):
-        browser.open(address)
-        browser.until(f"{STATUS} === '✓ free'")
+    with free(browser, SHAPED, pushed(SHAPED)):
         contact = "document.querySelector('#contacts tbody').innerText"
         browser.until(f"{contact}.includes('10.0 N')")
         row = browser.run("document.querySelector('#log tbody').innerText").split("\t")
@@ -155,9 +155,7 @@ def test_a_stop_of_the_log_shows_its_moment(browser):
 
 def test_what_is_not_allowed_is_off(browser):
     skin = skin_of({}, "")
-    with served(skin, pushed(skin), work=Work(skin, {})) as (address, source):
-        browser.open(address)
-        browser.until(f"{STATUS} === '✓ free'")
+    with free(browser, skin, pushed(skin), work=Work(skin, {})) as source:
         for name in ("tare", "reset", "record", "doctor", "detect", "calibrate"):
             assert browser.run(f"document.getElementById('{name}').disabled"), name
         ask = "import('/connection.js').then(({{Connection}}) => new Promise(resolve => {{"

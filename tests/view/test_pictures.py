@@ -13,9 +13,8 @@ from tactile_skin.msg import DiagnosticArray, DiagnosticStatus, Header, KeyValue
 from tactile_skin.nodes.gesture_feature import contact_cloud
 from tactile_skin.touch import features
 from tactile_skin.touch.tracking import Tracker
-from tactile_skin.view.pictures import PUBLISHED, Pictures, findings
+from tactile_skin.view.pictures import PUBLISHED, Pictures, findings, packed_with, parts_of
 from tactile_skin.view.snapshot import CONTACT, STOP, Collector, NodeStatus, Snapshot
-from tactile_skin.view.wire import packed_with, parts_of
 
 SKIN = skin_of({"geometry.shape": "cylinder"}, "")
 RNG = np.random.default_rng(5)

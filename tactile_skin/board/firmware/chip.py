@@ -8,8 +8,8 @@ settle as a resistor and a capacitor do. `serve` puts the board behind a pty, as
 from __future__ import annotations
 
 import ctypes
+import functools
 import tempfile
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from ...errors import FirmwareError
 from ...physics.adc import Adc
 from ...physics.circuit import Circuit, forward
 from ...physics.curve import PressureCurve
-from ..terminal import Terminal, open_terminal
+from .. import terminal
 from . import build
 
 CLOCK = 16_000_000  # Hz
@@ -28,6 +28,14 @@ TAU = 0.27e-6  # s: R_ref, 1.78 kohm, and 150 pF of multiplexers, wires and the 
 RESET_PIN = 2  # cause of a reset, as in MCUSR
 _BUFFER = 1 << 16  # bytes that chip.c keeps
 _TICK = 0.005  # s between two looks at the scene and at the port
+
+
+@functools.cache
+def _built(rows: int, cols: int, adc_mhz: int):
+    """Return the library of chip.c, the firmware's binary, and the folder that keeps them."""
+    folder = tempfile.TemporaryDirectory(prefix="tactile_skin")
+    library = ctypes.CDLL(str(build.chip_library(Path(folder.name))))
+    return library, build.firmware(Path(folder.name), rows, cols, adc_mhz), folder
 
 
 class Chip:
@@ -57,20 +65,13 @@ class Chip:
         if circuit.adc_bits != 10:
             raise FirmwareError(f"adc_bits = {circuit.adc_bits}: the ATmega328P has 10")
         self.circuit, self._adc = circuit, adc or Adc(circuit, full_scale=_ADC_STEPS)
-        self._folder = tempfile.TemporaryDirectory(prefix="tactile_skin")
-        try:
-            folder = Path(self._folder.name)
-            self._library = ctypes.CDLL(str(build.chip_library(folder)))
-            self.elf = build.firmware(folder, circuit.rows, circuit.cols, adc_mhz)
-            new = self._library.chip_new
-            new.restype = ctypes.c_void_p
-            new.argtypes = [ctypes.c_char_p, ctypes.c_double, ctypes.c_double, ctypes.c_uint32]
-            pointer = new(str(self.elf).encode(), tau * CLOCK, noise, seed)
-            if not pointer:
-                raise FirmwareError(f"{self.elf}: simavr cannot run it")
-        except BaseException:
-            self._folder.cleanup()
-            raise
+        self._library, self.elf, _ = _built(circuit.rows, circuit.cols, adc_mhz)
+        new = self._library.chip_new
+        new.restype = ctypes.c_void_p
+        new.argtypes = [ctypes.c_char_p, ctypes.c_double, ctypes.c_double, ctypes.c_uint32]
+        pointer = new(str(self.elf).encode(), tau * CLOCK, noise, seed)
+        if not pointer:
+            raise FirmwareError(f"{self.elf}: simavr cannot run it")
         self._chip = ctypes.c_void_p(pointer)
         self._bytes = ctypes.create_string_buffer(_BUFFER)
 
@@ -79,7 +80,6 @@ class Chip:
 
     def __exit__(self, *_) -> None:
         self._library.chip_free(self._chip)
-        self._folder.cleanup()
 
     def feel(self, resistance: np.ndarray) -> None:
         """Let the cells conduct so from now on: (rows, cols) [ohm]."""
@@ -118,41 +118,27 @@ def serve(
     on_ready: Callable[[], None] = lambda: None,
     once: bool = False,
 ) -> None:
-    """Put the chip behind a pty whose name is the symbolic link `link`, in real time.
+    """Put the chip behind a pty as `terminal.serve` does; bytes that are sent to it reach it.
 
-    As `simulator.serve`, but bytes that are sent to the port reach the chip. If the simulation is
-    slower than real time, frames arrive late, and the driver says so.
+    If the simulation is slower than real time, frames arrive late, and the driver says so: the
+    clock of a real board does not stand still.
 
     Args:
         scene: time since start [s] -> (rows, cols) force per cell [N].
     """
-    with open_terminal(link) as terminal:
-        on_ready()
-        _pump(chip, curve, scene, terminal, lambda: running() and not (once and terminal.left()))
+    ticks = 0
 
+    def restart() -> None:
+        nonlocal ticks
+        chip.reset()
+        ticks = 0
 
-def _pump(
-    chip: Chip,
-    curve: PressureCurve,
-    scene: Callable[[float], np.ndarray],
-    terminal: Terminal,
-    running: Callable[[], bool],
-) -> None:
-    connected, ticks, start = False, 0, 0.0
-    while running():
-        was, connected = connected, terminal.connected()
-        if not connected:
-            time.sleep(_TICK)
-            continue
-        now = time.monotonic()
-        if not was:
-            chip.reset()
-            ticks, start = 0, now
-        chip.send(terminal.read())
+    def turn(port: terminal.Terminal, late: float) -> float:
+        nonlocal ticks
+        chip.send(port.read())
         chip.feel(curve.resistance(scene(ticks * _TICK)))
-        sent = chip.run(_TICK)
-        if sent:
-            terminal.write(sent)
+        port.write(chip.run(_TICK))
         ticks += 1
-        # late, it works on without a pause: the clock of a real board does not stand still
-        time.sleep(max(0.0, start + ticks * _TICK - time.monotonic()))
+        return 0.0
+
+    terminal.serve(link, running, _TICK, restart, turn, on_ready, once)

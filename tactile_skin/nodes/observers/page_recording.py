@@ -41,8 +41,8 @@ class PageRecording:
         recorder.close(_CLOSE)
         if recorder.broken:
             return False, recorder.trouble
-        self._done = str(recorder.files[0])
-        return True, recorder.trouble or f"{recorder.written} messages are recorded"
+        self._done = str(recorder.store.files[0])
+        return True, recorder.trouble or f"{recorder.store.written} messages are recorded"
 
     def take(self) -> str:
         """Return the file that has just been finished; empty: there is none."""
@@ -78,6 +78,6 @@ class PageRecording:
         """Give up what is recorded: no page will download it."""
         if self._recorder is not None:
             self._recorder.close(0.0)
-            for path in self._recorder.files:
+            for path in self._recorder.store.files:
                 with contextlib.suppress(OSError):
                     path.unlink()

@@ -84,9 +84,9 @@ class RecorderNode:
             self.node.get_logger().warning("%s", trouble)
         self._said = trouble
         values = {
-            "files": ", ".join(map(str, recorder.files)),
-            "size": f"{recorder.size / 1e6:.1f} MB",
-            "messages": recorder.written,
+            "files": ", ".join(map(str, recorder.store.files)),
+            "size": f"{recorder.store.size / 1e6:.1f} MB",
+            "messages": recorder.store.written,
             "not_recorded": recorder.dropped,
         }
         level = diagnostics.WARN if trouble or recorder.dropped else diagnostics.OK

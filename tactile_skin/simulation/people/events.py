@@ -162,28 +162,18 @@ def _flicker(mat: Mat, rng: np.random.Generator, period: float) -> np.ndarray:
     return out
 
 
+_ALL = _lean, _sit, _thing, _dropped, _wall, _cloth, _carry, _shaken, _flicker
 EVENTS: dict[str, Callable[[Mat, np.random.Generator, float], np.ndarray]] = {
-    "lean": _lean,
-    "sit": _sit,
-    "thing": _thing,
-    "dropped": _dropped,
-    "wall": _wall,
-    "cloth": _cloth,
-    "carry": _carry,
-    "shaken": _shaken,
-    "flicker": _flicker,
+    event.__name__[1:]: event for event in _ALL
 }
 
 
 def happen(event: str, mat: Mat, seed: int, period: float) -> np.ndarray:
-    """Return what one event of EVENTS presses.
+    """Return what one event of EVENTS presses: (T, rows, cols) [N].
 
     Args:
         seed: the same one is the same event.
         period: between pictures [s].
-
-    Returns:
-        (T, rows, cols) [N].
     """
     rng = np.random.default_rng([seed, list(EVENTS).index(event), 3])
     return EVENTS[event](mat, rng, period)

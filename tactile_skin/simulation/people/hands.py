@@ -358,31 +358,19 @@ def _between(s: _Stage, front: np.ndarray, back: np.ndarray, at: np.ndarray) -> 
     return fingers + s.show(s.way("back", "thumb", "palm"), back, at - 0.85 * axis)
 
 
-GESTURES: dict[str, Callable[[_Stage], np.ndarray]] = {
-    "tap": _tap,
-    "pat": _pat,
-    "poke": _poke,
-    "stroke": _stroke,
-    "rub": _rub,
-    "tickle": _tickle,
-    "scratch": _scratch,
-    "squeeze": _squeeze,
-    "press": _press,
-    "hold": _hold,
-    "slap": _slap,
-    "massage": _massage,
-}
+_ALL = (
+    *(_tap, _pat, _poke, _stroke, _rub, _tickle),
+    *(_scratch, _squeeze, _press, _hold, _slap, _massage),
+)
+GESTURES: dict[str, Callable[[_Stage], np.ndarray]] = {f.__name__[1:]: f for f in _ALL}
 
 
 def perform(gesture: str, person: Person, mat: Mat, seed: int, period: float) -> np.ndarray:
-    """Return what one performance of a gesture presses.
+    """Return what a performance presses, (T, rows, cols) [N]; it begins and ends untouched.
 
     Args:
         gesture: one of GESTURES.
         seed: of this performance; the same one is the same performance.
         period: between pictures [s].
-
-    Returns:
-        (T, rows, cols) [N]; it begins and ends untouched.
     """
     return GESTURES[gesture](_Stage(gesture, person, mat, seed, period))

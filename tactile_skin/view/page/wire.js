@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A message of the server: numbers and arrays (see wire.py).
+// A message of the server: numbers and arrays (see pictures.py).
 
 const ARRAYS = { "<f4": Float32Array, "<u2": Uint16Array, "|u1": Uint8Array };
 

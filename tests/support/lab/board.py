@@ -166,31 +166,22 @@ class FaultBoard:
         if self.protocol == "text":
             return b",".join(b"%d" % v for v in sent.samples.ravel().tolist()) + b"\r\n"
         return wire.encode(
-            sent.sequence,
-            sent.device_us,
-            sent.samples,
-            self.circuit.adc_bits,
-            self.fraction_bits,
+            sent.sequence, sent.device_us, sent.samples, self.circuit.adc_bits, self.fraction_bits
         )
 
 
 @dataclass(frozen=True)
 class Fault:
-    """One fault, as it is done to a board.
+    """One fault, as it is done to a board."""
 
-    Attributes:
-    name, about: for tables, and one line for docs.
-    damage: changes the board at the moment of the fault; may draw from board.rng.
-    must_stop: none of the data that comes can be trusted: the robot must be stopped at once.
-    live_again: the data is good again after a while, so that the robot may be free again.
-    protocols: on which it can happen.
-    stalls: whether it needs pushes that begin while the link stalls.
-    """
-
+    # name, about: for tables, and one line for docs
     name: str
     about: str
+    # changes the board at the moment of the fault; may draw from board.rng
     damage: Callable[[FaultBoard], None]
+    # none of the data that comes can be trusted: the robot must be stopped at once
     must_stop: bool = False
+    # the data is good again after a while, so that the robot may be free again
     live_again: bool = False
-    protocols: tuple[str, ...] = (BINARY,)
-    stalls: bool = False
+    protocols: tuple[str, ...] = (BINARY,)  # on which it can happen
+    stalls: bool = False  # whether it needs pushes that begin while the link stalls

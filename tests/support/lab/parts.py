@@ -12,9 +12,7 @@ from scipy.signal import lfilter
 
 from tactile_skin.physics.circuit import Circuit
 from tactile_skin.physics.curve import PressureCurve
-from tactile_skin.simulation.converter import Converter
-from tactile_skin.simulation.fabric import REST_SCATTER, Cell, Fabric
-from tactile_skin.simulation.matrix import Matrix
+from tactile_skin.simulation.matrix import REST_SCATTER, Cell, Converter, Fabric, Matrix
 from tactile_skin.simulation.network import Wiring
 
 SCANS = 390  # a second, paper section III-B
@@ -28,14 +26,11 @@ _NEWTON = 20  # steps; they converge quadratically
 
 @dataclass
 class BadFabric(Fabric):
-    """Cells of which some are broken.
+    """Cells of which some are broken."""
 
-    Attributes:
-        fixed: cell -> its conductance [S], whatever is on it; added: on top of the fabric's [S];
-            restless: relative RMS by which it changes from picture to picture; loose: share of them
-            in which the fabric does not touch the cell's electrodes. Both are drawn from `rng`.
-    """
-
+    # cell -> its conductance [S], whatever is on it; added: on top of the fabric's [S]; restless:
+    # relative RMS by which it changes from picture to picture; loose: share of them in which the
+    # fabric does not touch the cell's electrodes. Both are drawn from `rng`.
     fixed: dict[Cell, float] = field(default_factory=dict)
     added: dict[Cell, float] = field(default_factory=dict)
     restless: dict[Cell, float] = field(default_factory=dict)
@@ -74,19 +69,12 @@ class BadFabric(Fabric):
 
 
 class Diode(NamedTuple):
-    """A diode through which a line is driven.
+    """A diode through which a line is driven."""
 
-    Attributes:
-        saturation: current [A].
-        emission: coefficient of Shockley's law.
-        series: resistance [ohm].
-        supply: voltage that drives a line through it [V].
-    """
-
-    saturation: float
-    emission: float
-    series: float
-    supply: float = 5.0
+    saturation: float  # current [A]
+    emission: float  # coefficient of Shockley's law
+    series: float  # resistance [ohm]
+    supply: float = 5.0  # voltage that drives a line through it [V]
 
     def ratio(self, ideal: np.ndarray, circuit: Circuit) -> np.ndarray:
         """Return the ADC ratio (..., rows, cols) of lines that are driven through diodes.
@@ -130,30 +118,24 @@ class BadMatrix(Matrix):
 
 @dataclass
 class BadConverter(Converter):
-    """An ADC, with what may be wrong with it.
+    """An ADC, with what may be wrong with it."""
 
-    Attributes:
-        extra_noise: RMS of a sample on top of the noise, (rows, cols) [ADC steps].
-        gain, offset: function of a time [s] -> factor, ADC steps.
-        signal: whether it sees the matrix; else `stuck_ratio`.
-        or_mask, and_mask: bits of a count that are always 1; and that may be 1.
-        settling: share of the previous reading that stays on the sampling capacitor.
-        dips: (row, column) -> share of the samples that are taken badly, what is left of them.
-        flicker: (axis, line, share of time open) of a loose lead, or None.
-        stuck_samples: what every sample reads instead, or None.
-    """
-
+    # RMS of a sample on top of the noise, (rows, cols) [ADC steps]
     extra_noise: np.ndarray | float = 0.0
+    # gain, offset: function of a time [s] -> factor, ADC steps
     gain: Callable[[float], float] = lambda t: 1.0
     offset: Callable[[float], float] = lambda t: 0.0
-    signal: bool = True
+    signal: bool = True  # whether it sees the matrix; else `stuck_ratio`
     stuck_ratio: float = 0.0
+    # or_mask, and_mask: bits of a count that are always 1; and that may be 1
     or_mask: int = 0
     and_mask: int = -1
-    settling: float = 0.0
+    settling: float = 0.0  # share of the previous reading that stays on the sampling capacitor
+    # (row, column) -> share of the samples that are taken badly, what is left of them
     dips: dict[Cell, tuple[float, float]] = field(default_factory=dict)
+    # (axis, line, share of time open) of a loose lead, or None
     flicker: tuple[int, int, float] | None = None
-    stuck_samples: int | None = None
+    stuck_samples: int | None = None  # what every sample reads instead, or None
     _closed: bool = field(default=True, repr=False)
 
     def count(self, ratio: np.ndarray, rng, t: np.ndarray | None = None) -> np.ndarray:

@@ -40,15 +40,10 @@ class Touch(NamedTuple):
 
 @dataclass
 class Scene:
-    """Touches over time.
+    """Touches over time."""
 
-    Attributes:
-    force: (n, rows, cols) [N], at the knots.
-    touches: what was drawn.
-    """
-
-    force: np.ndarray
-    touches: list[Touch]
+    force: np.ndarray  # (n, rows, cols) [N], at the knots
+    touches: list[Touch]  # what was drawn
 
     def pushes(self, margin: float = _MARGIN) -> list[tuple[int, int]]:
         """First knot, and that behind the last, of each time that PUSH or PEAK is exceeded.
