@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -80,3 +81,17 @@ def leaves(kind: type, prefix: str = "") -> Iterator[Leaf]:
             yield member._replace(name=prefix + name)
         else:
             yield from leaves(member, f"{prefix}{name}.")
+
+
+class Checked:
+    """A dataclass of parameters that takes no number below its range, and none that is not finite.
+
+    What is above its range is for simulations: only a node refuses it.
+    """
+
+    def __post_init__(self) -> None:
+        for name, member in members(type(self)):
+            if isinstance(member, Leaf) and member.about.low is not None:
+                low, value = member.about.low, getattr(self, name)
+                if not low <= value < math.inf:
+                    raise ValueError(f"{name} = {value!r}: must be finite, and at least {low}")

@@ -22,14 +22,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..fields import group, parameter
+from ..fields import Checked, group, parameter
 from .gate import Motion, zero
 from .stop import MAX_AHEAD, StopMessage
 
 _REST = 1e-3  # m/s, rad/s: slower than this, and not pushed, is at rest
 
 
-class Axis:
+class Axis(Checked):
     """One kind of motion; a steady force F above the dead band moves at F / damping."""
 
     mass: float
@@ -83,7 +83,7 @@ class Angular(Axis):
 
 
 @dataclass(frozen=True)
-class AdmittanceConfig:
+class AdmittanceConfig(Checked):
     """What a robot that follows a push may do; hands on several sides lead nowhere."""
 
     linear: Linear = group(Linear)

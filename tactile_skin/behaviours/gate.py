@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ..fields import parameter
+from ..fields import Checked, parameter
 from .stop import MAX_AHEAD, StopMessage
 
 _EDGE = math.sin(0.1)  # sine of the angle into the contact at which a motion is blocked
@@ -39,7 +39,7 @@ class Motion(NamedTuple):
 
 
 @dataclass(frozen=True)
-class GateConfig:
+class GateConfig(Checked):
     """When the gate lets a command pass.
 
     A touch below `touch` has no direction of its own: the last one holds until the push is over.

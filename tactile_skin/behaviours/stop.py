@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
 
-from ..fields import parameter
+from ..fields import Checked, parameter
 from .pace import Pace
 
 _STEADY = 3  # readings in a row, none late, that end "stale",
@@ -77,7 +77,7 @@ class StopMessage(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Limits:
+class Limits(Checked):
     """What a push is, and how long it stops the robot."""
 
     threshold: float = parameter(30.0, "N", "contact force that is a push", 0.1, 500.0, live=True)
@@ -88,6 +88,7 @@ class Limits:
     latch: bool = parameter(False, "", "keep a stop until a reset, also after its cause has gone")
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.release > self.threshold:
             raise ValueError(
                 f"stop: release = {self.release} N: must be at most threshold = {self.threshold} N"
