@@ -305,7 +305,8 @@ class Guide:
             if (moved := self.moved(stood)) > MOST_MOVED:
                 self._say(
                     f"  {word.strip()} is not used: the readings changed by {moved:.0%} while "
-                    f"it was measured; a load that stands for {OBJECT:g} s: {MOST_MOVED:.0%} at most"
+                    f"it was measured, {MOST_MOVED:.0%} at most is a load that stands for "
+                    f"{OBJECT:g} s"
                 )
                 continue
             frames.append(frame)
