@@ -15,7 +15,7 @@ from support.lab.unknown import Unknown
 from support.weights import known, objects, totals
 
 from tactile_skin import measure_rest
-from tactile_skin.guide.calibration import Guide
+from tactile_skin.guide.calibration import MOST_MOVED, Guide
 
 from .. import harness
 
@@ -61,7 +61,9 @@ def main(arguments=None) -> dict:
             for name, exposures in courses(board, force, rng):
                 frames = np.array([board.sample(e) for e in exposures])
                 felt = totals(frames.mean(0)[None], circuit, board.curve, rest)[0]
-                found.setdefault(name, []).append((guide.stands(frames), felt / true - 1.0))
+                found.setdefault(name, []).append(
+                    (guide.moved(frames) <= MOST_MOVED, felt / true - 1.0)
+                )
     for name, of in found.items():
         used, off = np.array(of).T
         kept = np.abs(off[used > 0.0])

@@ -41,7 +41,7 @@ ENOUGH = 0.05  # error of a total, left out in turn, at which the objects suffic
 _USELESS = 0.5  # the same, from which on the shipped curve is as good
 # Share of its readings by which a load that stands may change: 0.005 at most of objects that creep,
 # 0.05 and 0.09 at least of 19 in 20 that slide by half a cell and by one (seed 151000).
-_MOVED = 0.08
+MOST_MOVED = 0.08
 _GLANCE = 0.3  # s that a touch must stand
 _PERSISTS = 4  # glances in a row for which a press does not count before it is said why
 _PATIENCE = 20.0  # s without a new touch after which it asks whether to go on
@@ -258,11 +258,7 @@ class Guide:
     def _touched(self, frame: np.ndarray) -> bool:
         return bool(np.nanmax(frame - self.rest.adc) > MOVED * self._noise)
 
-    def stands(self, frames: np.ndarray) -> bool:
-        """Whether a load on the skin stood in (n, rows, cols) frames."""
-        return self._moved(frames) <= _MOVED
-
-    def _moved(self, frames: np.ndarray) -> float:
+    def moved(self, frames: np.ndarray) -> float:
         """Share of a load's readings by which its first and its last frames differ, noise aside."""
         third = max(1, len(frames) // 3)
         change = np.abs(_mean(frames[-third:]) - _mean(frames[:third]))
@@ -306,11 +302,11 @@ class Guide:
             if not self._touched(frame):
                 self._say("  nothing lies on the skin: the readings are those of rest")
                 continue
-            if not self.stands(stood):
-                moved = self._moved(stood)
+            if (moved := self.moved(stood)) > MOST_MOVED:
                 self._say(
                     f"  {word.strip()} is not used: the readings changed by {moved:.0%} while "
-                    f"it was measured, {_MOVED:.0%} at most is a load that stands for {OBJECT:g} s"
+                    f"it was measured, {MOST_MOVED:.0%} at most is a load that stands for "
+                    f"{OBJECT:g} s"
                 )
                 continue
             frames.append(frame)

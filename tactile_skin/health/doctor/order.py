@@ -54,7 +54,7 @@ def misplaced(seen: Recorded, skip, cells=(), pressed=()) -> list[Finding]:
         beside = {line for a, line in skip if a != axis} | {cell[1 - axis] for cell in cells}
         across = [k for k in range(seen.circuit.shape[1 - axis]) if k not in beside]
         turned = seen.turned(axis, pictures)[:, used][:, :, across]
-        if (best := exchanged(distances(turned))) is None:
+        if (best := _exchanged(turned)) is None:
             continue
         pair, votes = (used[k] for k in best[0]), best[1]
         of = lines(axis, *pair)
@@ -65,12 +65,17 @@ def misplaced(seen: Recorded, skip, cells=(), pressed=()) -> list[Finding]:
 
 
 def _pictures(seen: Recorded) -> np.ndarray:
-    """(touches, rows, cols) what each touch adds to the cells' conductance, without the inverse."""
+    """(touches, rows, cols) of sum 1: the root of what each touch adds to the cells' conductance.
+
+    It is not that of the circuit's inverse, but near enough.
+    """
     circuit, full = seen.circuit, seen.circuit.full_scale
     base = circuit.two_terminal(np.maximum(seen.base, 1.0) / full) + 1.0
     steps = np.maximum(seen.steps[seen.touches], 1.0)
-    picture = np.maximum(1.0 / (circuit.two_terminal(steps / full) + 20.0) - 1.0 / base, 0.0)
-    return smooth_picture(picture)
+    added = 1.0 / (circuit.two_terminal(steps / full) + 20.0) - 1.0 / base
+    picture = np.sqrt(np.maximum(added, 0.0))
+    picture = np.maximum(picture - _LIGHT * picture.max((-2, -1), keepdims=True), 0.0)
+    return picture / np.maximum(picture.sum((-2, -1), keepdims=True), 1e-12)
 
 
 def _one_late(pictures: np.ndarray) -> Vote | None:
@@ -79,7 +84,7 @@ def _one_late(pictures: np.ndarray) -> Vote | None:
     moved = np.roll(pictures.reshape(-1, rows * cols), -1, axis=1).reshape(pictures.shape)
     edges = (0, 0), (0, 0), (1, 1)
     now, other = (np.abs(np.diff(np.pad(p, edges))).sum((1, 2)) for p in (pictures, moved))
-    return vote(now, other)
+    return _only(now, other)
 
 
 def transposed(seen: Recorded) -> Vote | None:
@@ -92,30 +97,13 @@ def transposed(seen: Recorded) -> Vote | None:
         return None
     pictures = _pictures(seen)
     other = pictures.reshape(-1, cols, rows).swapaxes(1, 2)
-    return vote(_variation(pictures), _variation(other))
+    return _only(_variation(pictures), _variation(other))
 
 
 def _variation(pictures: np.ndarray) -> np.ndarray:
     """(n,) of (n, rows, cols), from line to line both ways; nothing is touched beyond the edges."""
     padded = np.pad(pictures, ((0, 0), (1, 1), (1, 1)))
     return sum(np.abs(np.diff(padded, axis=axis)).sum((1, 2)) for axis in (1, 2))
-
-
-def smooth_picture(values: np.ndarray) -> np.ndarray:
-    """(..., rows, cols) of sum 1, of what each cell gains under touches: the order's evidence."""
-    picture = np.sqrt(np.maximum(values, 0.0))
-    picture = np.maximum(picture - _LIGHT * picture.max((-2, -1), keepdims=True), 0.0)
-    return picture / np.maximum(picture.sum((-2, -1), keepdims=True), 1e-12)
-
-
-def distances(pictures: np.ndarray) -> np.ndarray:
-    """(touches, lines + 2, lines + 2) how much any two lines differ; nothing is touched beyond.
-
-    Args:
-        pictures: (touches, lines, cells of a line).
-    """
-    padded = np.pad(pictures, ((0, 0), (1, 1), (0, 0)))
-    return np.abs(padded[:, :, None] - padded[:, None]).sum(3)
 
 
 class Vote(NamedTuple):
@@ -130,13 +118,13 @@ class Vote(NamedTuple):
     share: float
 
 
-def vote(now: np.ndarray, other: np.ndarray) -> Vote | None:
-    """Return what touches prefer, by (touches,) variation in each order; None: this one."""
-    found = best_vote(now, (now - other)[:, None])
+def _only(now: np.ndarray, other: np.ndarray) -> Vote | None:
+    """Return the touches' vote for the only other order, by (touches,) variation in each."""
+    found = _vote(now, (now - other)[:, None])
     return found and found[1]
 
 
-def best_vote(now: np.ndarray, saved: np.ndarray) -> tuple[int, Vote] | None:
+def _vote(now: np.ndarray, saved: np.ndarray) -> tuple[int, Vote] | None:
     """Return the order that most touches prefer, and by how much; None: there is none.
 
     Args:
@@ -155,15 +143,17 @@ def best_vote(now: np.ndarray, saved: np.ndarray) -> tuple[int, Vote] | None:
     return k, Vote(int(count[k]), float(share[k]))
 
 
-def exchanged(apart: np.ndarray) -> tuple[tuple[int, int], Vote] | None:
+def _exchanged(pictures: np.ndarray) -> tuple[tuple[int, int], Vote] | None:
     """Return the two lines without whose exchange the touches are smoother; None: there are none.
 
     Args:
-        apart: as `distances` has it.
+        pictures: (touches, lines, cells of a line).
     """
-    lines = apart.shape[1] - 2
-    if lines < _FEWEST_LINES or len(apart) < FEW_TOUCHES:
+    lines = pictures.shape[1]
+    if lines < _FEWEST_LINES or len(pictures) < FEW_TOUCHES:
         return None
+    padded = np.pad(pictures, ((0, 0), (1, 1), (0, 0)))  # nothing is touched beyond
+    apart = np.abs(padded[:, :, None] - padded[:, None]).sum(3)  # how much two lines differ
     before, here, after = (slice(k, k + lines) for k in range(3))
     k = np.arange(lines)
     beside = apart[:, k, k + 1] + apart[:, k + 1, k + 2]  # (touches, lines), of each to both sides
@@ -172,5 +162,5 @@ def exchanged(apart: np.ndarray) -> tuple[tuple[int, int], Vote] | None:
     a, b = np.triu_indices(lines, 1)
     saved = saved[:, a, b] - np.where(b == a + 1, 2.0 * apart[:, a + 1, b + 1], 0.0)
     every = np.arange(lines + 1)
-    found = best_vote(apart[:, every, every + 1].sum(1), saved)
+    found = _vote(apart[:, every, every + 1].sum(1), saved)
     return found and ((int(a[found[0]]), int(b[found[0]])), found[1])

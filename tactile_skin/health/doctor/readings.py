@@ -159,7 +159,7 @@ def ceiling(seen: Recorded) -> tuple[float, Finding] | None:
     for steps in seen.steps:
         samples = np.rint(np.where(calm, steps, 0.0) * (1 << 16 - bits)).astype(np.uint16)
         watch.look(samples, windows.frame(samples))
-    return None if watch.height is None else (watch.height, *watch.findings())
+    return None if watch.height is None else (watch.height, watch.findings()[0])
 
 
 def _noise_limit(seen: Recorded) -> float:
