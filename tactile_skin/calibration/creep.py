@@ -26,7 +26,10 @@ _SPAN = 30.0  # s of a standing load at least that tell its creep
 _SETTLES = 0.5  # s in which an object is laid down
 _STEPS = 20  # frames a decade of time, means of those that were read
 _LOADED = 0.1  # of the most loaded cell, from which on a cell is used
+_STOOD = 0.7  # of the usual reading, above which the object is there
 _TIMES = 10.0 ** np.arange(-1.0, 1.01, 0.1)  # s that are tried as `Creep.time`
+_SPREAD = 0.5  # standard deviation of its log10, about the usual one
+_ERROR = 5e-4  # share of the conductance by which a mean frame errs at least
 
 
 def as_it_comes(curve: PressureCurve, creep: Creep, known: Creep | None = None) -> PressureCurve:
@@ -76,11 +79,11 @@ def _standing(frames, times, circuit: Circuit, rest: Rest) -> tuple[np.ndarray, 
     noise = max(rest.noise, 0.5) / circuit.full_scale
     if usual < noise * np.count_nonzero(circuit.populated):
         raise ValueError("nothing stands on the skin for most of the time")
-    first = int(np.argmax(rise > _GONE * usual))
+    first = int(np.argmax(rise > _STOOD * usual))
     t = times[first:] - times[first]
     if t[-1] < _SPAN:
         raise ValueError(f"the object stands for {t[-1]:.0f} s: {_SPAN:.0f} s or more are needed")
-    gone = (rise[first:] < _GONE * usual) & (t > _SETTLES)
+    gone = (rise[first:] < _STOOD * usual) & (t > _SETTLES)
     if gone.any():
         raise ValueError(f"the object was taken off after {t[gone.argmax()]:.0f} s")
     return frames[first:][t > _SETTLES], t[t > _SETTLES]
@@ -113,32 +116,38 @@ def _added(curve: PressureCurve, force: np.ndarray) -> np.ndarray:
 
 
 def _fit(t: np.ndarray, conducts: np.ndarray) -> Creep:
-    """Share by least squares for each of `_TIMES`, the best of which is taken.
+    """Share by least squares for each of `_TIMES`; of these, a mean of what is probable.
 
     Args:
         t: (m,) [s].
         conducts: (m, cells) [S].
     """
-    total, found = conducts.sum(1), []
+    each, conducts, found = conducts, conducts.sum(1), []
     for time in _TIMES:
         decades = np.stack([np.ones(t.size), np.log10(1.0 + t / time)], 1)
-        (first, slope), *_ = np.linalg.lstsq(decades, total, rcond=None)
-        error = (total - decades @ (first, slope)) / first
-        found.append((error @ error, time, slope / first, decades))
-    square, time, share, decades = min(found, key=lambda fit: fit[0])
-    both = np.column_stack([decades, share * t / (t + time)])  # the time is found as well
-    by_noise = square / max(t.size - 3, 1) * np.linalg.pinv(both.T @ both)[1, 1]
-    first, slope = np.linalg.lstsq(decades, conducts, rcond=None)[0]
+        (first, slope), *_ = np.linalg.lstsq(decades, conducts, rcond=None)
+        error = (conducts - decades @ (first, slope)) / first
+        found.append((slope / first, np.square(error).sum(), decades))
+    share, square, decades = map(np.array, zip(*found, strict=True))
+    variance = max(square.min() / max(t.size - 3, 1), _ERROR**2)
+    usual = np.square(np.log10(_TIMES / Creep.time) / _SPREAD)
+    weight = np.exp(-0.5 * (square / variance + usual - (square / variance + usual).min()))
+    weight /= weight.sum()
+    best = float(weight @ share)
+    decades = decades[weight.argmax()]
+    by_noise = variance * np.linalg.inv(decades.T @ decades)[1, 1] + weight @ np.square(
+        share - best
+    )
+    first, slope = np.linalg.lstsq(decades, each, rcond=None)[0]
     # another object lies on other cells, of which each has a share of its own
-    by_cell = np.square(slope - share * first).sum() / first.sum() ** 2
-    cells = conducts.shape[1]
-    std = float(np.sqrt(by_noise + by_cell * cells / max(cells - 1, 1)))
-    if share > MAX_SHARE:
+    by_cell = np.square(slope - best * first).sum() / first.sum() ** 2
+    std = float(np.sqrt(by_noise + by_cell * each.shape[1] / max(each.shape[1] - 1, 1)))
+    if best > MAX_SHARE:
         raise ValueError(
-            f"what the object adds grows by {share:.0%} in a decade of time, {MAX_SHARE:.0%} is "
-            "the most that fabrics do: was it pressed, or did it slide?"
+            f"what the object adds grows by {best:.0%} in a decade of time, {MAX_SHARE:.0%} is the "
+            "most that fabrics do: was it pressed, or did it slide?"
         )
-    return Creep(max(float(share), 0.0), float(time), std)
+    return Creep(max(best, 0.0), float(10.0 ** (weight @ np.log10(_TIMES))), std)
 
 
 class Standing:
