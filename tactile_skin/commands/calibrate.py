@@ -134,7 +134,7 @@ def calibrate(out: Path, config: Path | None, words: list[str], creep: bool = Fa
             f"forces are those of the configured curve. Weigh again: --config {out}",
             file=sys.stderr,
         )
-    elif doubt := _doubt(guide.fitted):
+    elif doubt := _doubt(guide.fitted) or guide.unfit:
         _say(f"{out} is written, but {doubt}: see what is said above, and calibrate again.")
         print(f"To use it until then:\n  {use}")
     else:
