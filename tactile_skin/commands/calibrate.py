@@ -119,7 +119,7 @@ def run(args) -> int:
             f"forces are those of the configured curve. Weigh again: --config {out}",
             file=sys.stderr,
         )
-    elif doubt := _doubt(guide.fitted):
+    elif doubt := _doubt(guide.fitted) or guide.unfit:
         _say(f"{out} is written, but {doubt}: see what is said above, and calibrate again.")
         print(f"To use it until then:\n  {use}")
     else:

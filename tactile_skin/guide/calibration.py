@@ -87,6 +87,7 @@ class Guide:
         self._touches: list[np.ndarray] = []
         self._rest: Rest | None = None
         self.found: Identified | None = None
+        self.unfit = ""  # what is doubted, where another circuit fits the touches as well
         self.fitted: FittedCurve | None = None
         self.creep: Creep | None = None
 
@@ -232,6 +233,7 @@ class Guide:
         if found and found.change:
             raise ValueError(str(found))
         if found:
+            self.unfit = "the touches do not fit the circuit"
             self._say(f"  {found}")
 
     def _new_touch(self, touches: list[np.ndarray]) -> tuple[np.ndarray | None, str]:
