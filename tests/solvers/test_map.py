@@ -303,6 +303,21 @@ def test_a_palm_is_not_suspect_and_its_sum_is_right(shape, spread):
         assert estimate.force.sum() == pytest.approx(force.sum(), rel=0.08)
 
 
+@pytest.mark.parametrize("family", ["random", "palms"])
+def test_the_level_prior_is_for_loads_whose_neighbours_are_not_alike(family):
+    """Touches that cover the skin have neighbours that are, however much their cells differ."""
+    rng, circuit = np.random.default_rng(31), Circuit(8, 8)
+    y, x = np.mgrid[:8, :8] - 3.5
+    for _ in range(20):
+        force = scenes.sample("random", 1, 8, 8, rng)[0]
+        if family == "palms":
+            softer = np.exp(-(np.hypot(y, x) ** 2) / rng.uniform(8.0, 20.0))
+            force = rng.uniform(1.0, 8.0) * softer * np.exp(0.15 * rng.standard_normal((8, 8)))
+        g = 1.0 / CURVE.resistance(force)
+        reading = check_reading(forward(circuit, 1.0 / g), circuit, CURVE, noise=0.0)
+        assert prior.is_level(reading, g) == (family == "random")
+
+
 def test_a_load_of_nothing_has_no_level(recwarn):
     """A step that is too long leads there: it costs more than any other, without a warning."""
     nothing = np.zeros((4, 4))
