@@ -13,24 +13,16 @@ _MEMBER = "member"  # key of a field's metadata: a Leaf, or the dataclass of a g
 
 @dataclasses.dataclass(frozen=True)
 class About:
-    """What is known of a parameter.
+    """What is known of a parameter."""
 
-    Attributes:
-    unit: of the value, or of each in a list; empty: it has none.
-    text: what it is; what follows a semicolon says what special values mean.
-    low, high: range of the value, or of each in a list; None: any.
-    choices: the texts that it may be; empty: any.
-    live: it may change while the node runs.
-    any_type: values of other types than the default's are allowed.
-    """
-
-    unit: str
-    text: str
+    unit: str  # of the value, or of each in a list; empty: it has none
+    text: str  # what it is; what follows a semicolon says what special values mean
+    # low, high: range of the value, or of each in a list; None: any
     low: float | None = None
     high: float | None = None
-    choices: tuple[str, ...] = ()
-    live: bool = False
-    any_type: bool = False
+    choices: tuple[str, ...] = ()  # the texts that it may be; empty: any
+    live: bool = False  # it may change while the node runs
+    any_type: bool = False  # values of other types than the default's are allowed
 
     @property
     def description(self) -> str:

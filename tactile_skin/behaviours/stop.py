@@ -44,16 +44,11 @@ class Reason(NamedTuple):
 
 
 class Decision(NamedTuple):
-    """Whether the robot must stop.
-
-    Attributes:
-        reason: for a person, the reasons joined by " + "; empty while free to move.
-        causes: of these reasons.
-    """
+    """Whether the robot must stop."""
 
     stop: bool
-    reason: str
-    causes: tuple[Cause, ...] = ()
+    reason: str  # for a person, the reasons joined by " + "; empty while free to move
+    causes: tuple[Cause, ...] = ()  # of these reasons
 
     @property
     def for_push_alone(self) -> bool:

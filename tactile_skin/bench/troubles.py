@@ -23,25 +23,20 @@ UNEVEN = replace(EVERYDAY, rest=0.03)
 
 @dataclass(frozen=True)
 class Trouble:
-    """One thing that goes wrong, and how badly.
+    """One thing that goes wrong, and how badly."""
 
-    Attributes:
-        name, unit: of the strength, for figures.
-        strengths: rising in severity; `sound` is the one that is no trouble.
-        textile: strength -> what the skin is like.
-        scene: (n, strength, circuit, rng) -> (n, rows, cols) force [N].
-        bits: strength -> width of the ADC, which the solver knows.
-        reason: why failures are silent, if they are.
-    """
-
+    # name, unit: of the strength, for figures
     name: str
     unit: str
-    strengths: tuple[float, ...]
+    strengths: tuple[float, ...]  # rising in severity; `sound` is the one that is no trouble
+    # strength -> what the skin is like
     textile: Callable[[float], Textile] = lambda strength: UNEVEN
+    # (n, strength, circuit, rng) -> (n, rows, cols) force [N]
     scene: Callable = lambda n, strength, circuit, rng: _bodies(n, circuit, rng)
+    # strength -> width of the ADC, which the solver knows
     bits: Callable[[float], int] = lambda strength: 10
     sound: float | None = 0.0
-    reason: str = ""
+    reason: str = ""  # why failures are silent, if they are
 
 
 def _bodies(n: int, circuit: Circuit, rng) -> np.ndarray:

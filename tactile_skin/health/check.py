@@ -17,18 +17,13 @@ _CALM = 0.25  # of the readings are not moved by a touch
 
 
 class Window(NamedTuple):
-    """What some frames show.
+    """What some frames show."""
 
-    Attributes:
-    mean, spread: (rows, cols) of each reading in some frames [ADC steps].
-    noise: RMS of the readings that nothing moves [ADC steps].
-    low: (rows, cols) lowest mean of each reading so far: at rest.
-    """
-
+    # mean, spread: (rows, cols) of each reading in some frames [ADC steps]
     mean: np.ndarray
     spread: np.ndarray
-    noise: float
-    low: np.ndarray
+    noise: float  # RMS of the readings that nothing moves [ADC steps]
+    low: np.ndarray  # (rows, cols) lowest mean of each reading so far: at rest
 
 
 class Windows:
@@ -56,39 +51,23 @@ class Windows:
 
 
 class Seen(NamedTuple):
-    """Holds one frame of a running skin, and what was found in it.
+    """Holds one frame of a running skin, and what was found in it."""
 
-    Attributes:
-        t: when it was read [s]; may be set back.
-        samples: (rows, cols) of skin/adc.
-        rising: the same, so that they rise with pressure; 0 where there is no reading.
-        adc: (rows, cols) ADC ratio; NaN where there is no reading.
-        estimate: of the frame.
-        stirs: whether anything touches, however lightly.
-        rest: (rows, cols) ADC ratio of the skin at rest; None: not measured yet.
-        noise: RMS of a reading, as ADC ratio.
-        window: of the last frames, which this one ends; None: it ends none.
-    """
-
-    t: float
-    samples: np.ndarray
-    rising: np.ndarray
-    adc: np.ndarray
-    estimate: Estimate
-    stirs: bool
-    rest: np.ndarray | None
-    noise: float
-    window: Window | None
+    t: float  # when it was read [s]; may be set back
+    samples: np.ndarray  # (rows, cols) of skin/adc
+    rising: np.ndarray  # the same, so that they rise with pressure; 0 where there is no reading
+    adc: np.ndarray  # (rows, cols) ADC ratio; NaN where there is no reading
+    estimate: Estimate  # of the frame
+    stirs: bool  # whether anything touches, however lightly
+    rest: np.ndarray | None  # (rows, cols) ADC ratio of the skin at rest; None: not measured yet
+    noise: float  # RMS of a reading, as ADC ratio
+    window: Window | None  # of the last frames, which this one ends; None: it ends none
 
 
 class Check:
-    """Looks at one skin; all times are of one clock [s].
+    """Looks at one skin; all times are of one clock [s]."""
 
-    Attributes:
-        found: what is wrong by now; None: nothing.
-    """
-
-    found: Finding | None = None
+    found: Finding | None = None  # what is wrong by now; None: nothing
 
     def __init__(self, adc: Adc, threshold: float = 0.0):
         """Start with nothing known of the skin.

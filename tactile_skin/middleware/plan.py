@@ -65,17 +65,14 @@ class NodeAction:
 
 @dataclass
 class Plan:
-    """What a launch file, with its arguments filled in, asks for.
-
-    Attributes:
-        skins: commands that run one of a body each: when it ends, the others go on.
-        for_all: names of parameters that may be given to all nodes, though not each has them.
-    """
+    """What a launch file, with its arguments filled in, asks for."""
 
     nodes: list[NodeAction] = field(default_factory=list)
     commands: list[list[str]] = field(default_factory=list)
+    # commands that run one of a body each: when it ends, the others go on
     skins: list[list[str]] = field(default_factory=list)
     arguments: dict[str, Argument] = field(default_factory=dict)
+    # names of parameters that may be given to all nodes, though not each has them
     for_all: frozenset[str] = frozenset()
 
     def files(self) -> list[ParameterFile]:

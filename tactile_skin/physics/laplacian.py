@@ -25,17 +25,12 @@ _LEAST_EIGENVALUE = 1e-15  # of the largest: below it the rounding of doubles is
 
 
 class Network(NamedTuple):
-    """All that follows from the conductances of one frame.
+    """All that follows from the conductances of one frame."""
 
-    Attributes:
-        root: (lines, lines) W with K = W W^T [sqrt(ohm)]; det W is the product of its diagonal.
-        k: (lines, lines) K = [[A, C], [C^T, D]] [ohm].
-        rho: (rows, cols) two-terminal resistances [ohm].
-    """
-
+    # (lines, lines) W with K = W W^T [sqrt(ohm)]; det W is the product of its diagonal
     root: Floats
-    k: Floats
-    rho: Floats
+    k: Floats  # (lines, lines) K = [[A, C], [C^T, D]] [ohm]
+    rho: Floats  # (rows, cols) two-terminal resistances [ohm]
 
 
 def solve(g: Floats) -> Network:

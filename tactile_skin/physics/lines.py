@@ -57,17 +57,14 @@ def added(g: Floats, stripes: tuple[Floats, Floats], exact: bool = False) -> Flo
 
 
 class Lines(NamedTuple):
-    """The literal network of one frame.
+    """The literal network of one frame."""
 
-    Attributes:
-        rho: (rows, cols) resistance between the leads of a row and a column, every other lead open
-            [ohm]; infinite where no path connects them.
-        across: (rows, cols, lines) voltage across each cell for a unit current into each lead and
-            out of one ground [ohm]: t_ab = across_b,i - across_b,j is the transfer resistance
-            between cell b and the crossing a = (i, j).
-    """
-
+    # (rows, cols) resistance between the leads of a row and a column, every other lead open [ohm];
+    # infinite where no path connects them
     rho: Floats
+    # (rows, cols, lines) voltage across each cell for a unit current into each lead and out of one
+    # ground [ohm]: t_ab = across_b,i - across_b,j is the transfer resistance between cell b and the
+    # crossing a = (i, j)
     across: Floats
 
 

@@ -50,19 +50,12 @@ class Kind(Enum):
 
 
 class Processed(NamedTuple):
-    """What was done to the readings of a board.
+    """What was done to the readings of a board."""
 
-    Attributes:
-        kind: the first that shows.
-        level: below which there is none but 0, or where each frame ends [ADC steps].
-        ceiling: where many end [ADC steps]; None: nowhere.
-        share: of the readings that are exactly 0.
-    """
-
-    kind: Kind
-    level: float
-    ceiling: float | None
-    share: float
+    kind: Kind  # the first that shows
+    level: float  # below which there is none but 0, or where each frame ends [ADC steps]
+    ceiling: float | None  # where many end [ADC steps]; None: nowhere
+    share: float  # of the readings that are exactly 0
 
     def __str__(self) -> str:
         if self.kind is Kind.NORMALISED:

@@ -33,18 +33,13 @@ class Kind(Enum):
 
 
 class Scale(NamedTuple):
-    """What the numbers of some frames are.
+    """What the numbers of some frames are."""
 
-    Attributes:
-        kind: of them.
-        low, high: the smallest and the largest.
-        each: of NORMALISED, whether each frame was, and not all together.
-    """
-
-    kind: Kind
+    kind: Kind  # of them
+    # low, high: the smallest and the largest
     low: float
     high: float
-    each: bool = False
+    each: bool = False  # of NORMALISED, whether each frame was, and not all together
 
     def refused(self) -> str:
         """Return why these are not what an ADC reads; empty if they may be."""

@@ -35,29 +35,19 @@ _MIN_AT_REST = 8  # readings of cells at rest that noise is measured by: it is t
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """A checked frame.
+    """A checked frame."""
 
-    Attributes:
-        adc: (rows, cols) ADC ratio; 0 where nothing is known.
-        known: (rows, cols) bool, readings that carry a value.
-        capped: (rows, cols) bool, readings known only to lie at or below `threshold`.
-        topped: (rows, cols) bool, readings known only to lie at or above their value in `adc`.
-        threshold: ADC ratio, 0 where no reading is capped.
-        noise: RMS noise of a reading, in ADC steps; 0 for an exact one.
-        noise_given: whether the caller gave it; if not, it is measured in the frame.
-        deadline: `time.monotonic` to stop at, infinity for none.
-    """
-
-    adc: np.ndarray
-    known: np.ndarray
-    capped: np.ndarray
+    adc: np.ndarray  # (rows, cols) ADC ratio; 0 where nothing is known
+    known: np.ndarray  # (rows, cols) bool, readings that carry a value
+    capped: np.ndarray  # (rows, cols) bool, readings known only to lie at or below `threshold`
+    # (rows, cols) bool, readings known only to lie at or above their value in `adc`
     topped: np.ndarray
-    threshold: float
-    noise: float
-    deadline: float
+    threshold: float  # ADC ratio, 0 where no reading is capped
+    noise: float  # RMS noise of a reading, in ADC steps; 0 for an exact one
+    deadline: float  # `time.monotonic` to stop at, infinity for none
     circuit: Circuit
     curve: PressureCurve
-    noise_given: bool = True
+    noise_given: bool = True  # whether the caller gave it; if not, it is measured in the frame
 
     def with_noise(self, noise: float) -> Reading:
         """Return the same frame with a noise that was measured in it [ADC steps]."""

@@ -31,16 +31,11 @@ WIDTHS = (8, 10, 12, 14, 16)  # bits of ADCs
 
 @dataclass(frozen=True)
 class Change:
-    """What a finding proposes to enter.
+    """What a finding proposes to enter."""
 
-    Attributes:
-        circuit: as it should be.
-        turned: whether readings are to be taken the other way round.
-        scale: factor of the readings, where the supply reads other than the configured full scale.
-    """
-
-    circuit: Circuit
-    turned: bool = False
+    circuit: Circuit  # as it should be
+    turned: bool = False  # whether readings are to be taken the other way round
+    # factor of the readings, where the supply reads other than the configured full scale
     scale: float = 1.0
 
     def of(self, frames: np.ndarray) -> np.ndarray:

@@ -34,17 +34,11 @@ _ALL = 0.9  # share of the touches that any diode explains, that the right one d
 
 
 class _Agreement(NamedTuple):
-    """What touches say together.
+    """What touches say together."""
 
-    Attributes:
-        touches: how many say anything.
-        scatter: median squared distance of the r_par of each from that of all, in its variance.
-        off: of that from the configured one, as share of `series_scale`.
-    """
-
-    touches: int
-    scatter: float
-    off: float
+    touches: int  # how many say anything
+    scatter: float  # median squared distance of the r_par of each from that of all, in its variance
+    off: float  # of that from the configured one, as share of `series_scale`
 
     @property
     def misfit(self) -> float:

@@ -107,15 +107,10 @@ def _variation(pictures: np.ndarray) -> np.ndarray:
 
 
 class Vote(NamedTuple):
-    """What touches prefer.
+    """What touches prefer."""
 
-    Attributes:
-    touches: that were counted.
-    share: of the variation that the other order saves.
-    """
-
-    touches: int
-    share: float
+    touches: int  # that were counted
+    share: float  # of the variation that the other order saves
 
 
 def _only(now: np.ndarray, other: np.ndarray) -> Vote | None:

@@ -117,17 +117,11 @@ def _leaping_bit(seen: Recorded) -> list[Finding]:
 
 
 class _Gap(NamedTuple):
-    """Where the other value of a bit would put readings.
+    """Where the other value of a bit would put readings."""
 
-    Attributes:
-        near: readings beside it, on the emptier side.
-        share: of readings within, over that.
-        empty: whether there is next to none within.
-    """
-
-    near: float
-    share: float
-    empty: bool
+    near: float  # readings beside it, on the emptier side
+    share: float  # of readings within, over that
+    empty: bool  # whether there is next to none within
 
 
 def _gaps(steps: np.ndarray, base: np.ndarray, bit: int, bits: int) -> list[_Gap]:

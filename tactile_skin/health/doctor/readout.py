@@ -39,17 +39,11 @@ _NONE = 5.0  # ohm: touches that ask for less than any driver has may be read on
 
 
 class Touched(NamedTuple):
-    """What readouts are judged by.
+    """What readouts are judged by."""
 
-    Attributes:
-        rest: (rows, cols) ADC ratio of the untouched skin, NaN: not read.
-        noise: of a reading [ADC steps].
-        touches: (n, rows, cols) ADC ratio of hard ones, NaN: not read.
-    """
-
-    rest: np.ndarray
-    noise: float
-    touches: np.ndarray
+    rest: np.ndarray  # (rows, cols) ADC ratio of the untouched skin, NaN: not read
+    noise: float  # of a reading [ADC steps]
+    touches: np.ndarray  # (n, rows, cols) ADC ratio of hard ones, NaN: not read
 
     def after(self, change: Change) -> Touched:
         """Return the same as it is read after a change."""
@@ -63,16 +57,12 @@ class Touched(NamedTuple):
 
 
 class Fitting(NamedTuple):
-    """What explains touches that the configured circuit does not.
+    """What explains touches that the configured circuit does not."""
 
-    Attributes:
-        changes: each of which explains them, and leaves a skin that feels them; the best first.
-        left, supposed: times noise and model error by which the best other circuit, and the
-            configured one, miss them; of a virtual ground left is what lines add up to, in full
-            scales.
-    """
-
+    # each of which explains them, and leaves a skin that feels them; the best first
     changes: list[Change]
+    # left, supposed: times noise and model error by which the best other circuit, and the
+    # configured one, miss them; of a virtual ground left is what lines add up to, in full scales
     left: float
     supposed: float
 

@@ -26,35 +26,24 @@ _HALF_CLOSED = 0.5 * (LINE_OPEN + _LINE_CLOSED)  # neither, of a line that does 
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """Readings of a board, with what every check asks of them.
+    """Readings of a board, with what every check asks of them."""
 
-    Attributes:
-    circuit: as it is supposed.
-    steps: (n, rows, cols) readings [ADC steps].
-    read: (rows, cols) bool, crossings that were ever read.
-    base: (rows, cols) reading of the untouched skin [ADC steps].
-    quiet: (n,) bool, frames in which nothing touches it.
-    noise: (rows, cols) RMS of a reading in the quiet frames [ADC steps].
-    flicker: the same by what changes from one of them to the next: without what moves slowly.
-    anew: frames that differ from the one before of them: a hand that stands still says nothing new.
-    peaks: frames in which touches are strongest.
-    touches: those of them that differ from the one before: one for each touch.
-    closed: for rows and columns, (n, lines) reading of each line, its usual one 1.
-    fell: share of all change, squared, by which readings are below their usual ones, loose lines
-        left out.
-    """
-
-    circuit: Circuit
-    steps: np.ndarray
-    read: np.ndarray
-    base: np.ndarray
-    quiet: np.ndarray
-    noise: np.ndarray
+    circuit: Circuit  # as it is supposed
+    steps: np.ndarray  # (n, rows, cols) readings [ADC steps]
+    read: np.ndarray  # (rows, cols) bool, crossings that were ever read
+    base: np.ndarray  # (rows, cols) reading of the untouched skin [ADC steps]
+    quiet: np.ndarray  # (n,) bool, frames in which nothing touches it
+    noise: np.ndarray  # (rows, cols) RMS of a reading in the quiet frames [ADC steps]
+    # the same by what changes from one of them to the next: without what moves slowly
     flicker: np.ndarray
+    # frames that differ from the one before of them: a hand that stands still says nothing new
     anew: np.ndarray
-    peaks: np.ndarray
-    touches: np.ndarray
+    peaks: np.ndarray  # frames in which touches are strongest
+    touches: np.ndarray  # those of them that differ from the one before: one for each touch
+    # for rows and columns, (n, lines) reading of each line, its usual one 1
     closed: tuple[np.ndarray, np.ndarray]
+    # share of all change, squared, by which readings are below their usual ones, loose lines left
+    # out
     fell: float
 
     @property

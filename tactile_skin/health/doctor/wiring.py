@@ -33,47 +33,32 @@ _TRIED = 4  # lines, and cells, that are looked at in each turn
 
 
 class Damage(NamedTuple):
-    """One damage of the wiring, or of a cell.
+    """One damage of the wiring, or of a cell."""
 
-    Attributes:
-    kind: "lead" (size: ohm more), "resistor" (size: its ohm, infinite if it is missing), "broken"
-        (at: first crossing that is cut off), or "cell" (line, at: row, column; size: times the
-        usual cell's conductance).
-    std: of a lead's size [ohm], as lines and their readings scatter.
-    """
-
+    # "lead" (size: ohm more), "resistor" (size: its ohm, infinite if it is missing), "broken" (at:
+    # first crossing that is cut off), or "cell" (line, at: row, column; size: times the usual
+    # cell's conductance)
     kind: str
     axis: int
     line: int
     at: int
     size: float
     gain: float
-    std: float = 0.0
+    std: float = 0.0  # of a lead's size [ohm], as lines and their readings scatter
 
 
 @dataclass
 class Wires:
-    """A wiring of cells that are all alike.
+    """A wiring of cells that are all alike."""
 
-    Attributes:
-        circuit: as it is supposed.
-        cells: (rows, cols) conductance of each, the usual one 1.
-        cell: resistance of the usual one [ohm].
-        r_ref: of each sense line [ohm], infinite where it is missing.
-        reads: for rows and columns, which line each address selects; -1: none.
-        lead: for rows and columns, what each lead adds [ohm].
-        joined: (axis, line, line) pairs that touch.
-        cut: (axis, line, first crossing behind the cut).
-    """
-
-    circuit: Circuit
-    cells: np.ndarray
-    cell: float
-    r_ref: np.ndarray
-    reads: list
-    lead: list
-    joined: list = field(default_factory=list)
-    cut: list = field(default_factory=list)
+    circuit: Circuit  # as it is supposed
+    cells: np.ndarray  # (rows, cols) conductance of each, the usual one 1
+    cell: float  # resistance of the usual one [ohm]
+    r_ref: np.ndarray  # of each sense line [ohm], infinite where it is missing
+    reads: list  # for rows and columns, which line each address selects; -1: none
+    lead: list  # for rows and columns, what each lead adds [ohm]
+    joined: list = field(default_factory=list)  # (axis, line, line) pairs that touch
+    cut: list = field(default_factory=list)  # (axis, line, first crossing behind the cut)
 
     @classmethod
     def sound(cls, circuit: Circuit, cell: float) -> Wires:

@@ -30,16 +30,11 @@ class ReliabilityPolicy(enum.Enum):
 
 @dataclass(frozen=True)
 class QoSProfile:
-    """Quality of service.
+    """Quality of service."""
 
-    Attributes:
-        depth: messages kept for a subscriber that lags.
-        durability: TRANSIENT_LOCAL is "latched".
-        reliability: on ROS; who subscribes with BEST_EFFORT hears publishers of both kinds.
-    """
-
-    depth: int = 10
-    durability: DurabilityPolicy = DurabilityPolicy.VOLATILE
+    depth: int = 10  # messages kept for a subscriber that lags
+    durability: DurabilityPolicy = DurabilityPolicy.VOLATILE  # TRANSIENT_LOCAL is "latched"
+    # on ROS; who subscribes with BEST_EFFORT hears publishers of both kinds
     reliability: ReliabilityPolicy = ReliabilityPolicy.RELIABLE
 
     def __post_init__(self):

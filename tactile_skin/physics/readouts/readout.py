@@ -27,33 +27,25 @@ class Readout(ABC):
         g: (rows, cols) cells [S], 0 where there is none; if floating, of a connected network,
             which is not checked.
         derivatives: whether others than `own` and `by_r_par` will be asked for.
-
-    Attributes:
-        adc: (rows, cols) ADC ratio.
-        name: of the readout, as in `Circuit.readout`.
-        passive: whether resistors are all there is.
-        has_cross_talk: whether a reading depends on other cells than its own.
-        two_terminal: whether a reading is that of `rho`, the resistance between its two lines
-            (rows, cols) [ohm], which follows from `inverse`, a `laplacian.Network`.
-        loads_lower: whether a load may lower readings of other cells.
-        shares_sum: whether the readings of a sense line share what its divider leaves of their sum:
-            r_par lies with r_ref.
-        knows_r_line, knows_r_drive: whether `Circuit.r_line` and `Circuit.r_drive` are modelled.
-        second: of these the one that frames determine besides r_par, if any.
-        takes_diodes: whether lines may be driven through diodes: none is held at 0 V.
     """
 
-    name: ClassVar[str]
-    passive: ClassVar[bool] = True
-    has_cross_talk: ClassVar[bool] = True
+    name: ClassVar[str]  # of the readout, as in `Circuit.readout`
+    passive: ClassVar[bool] = True  # whether resistors are all there is
+    has_cross_talk: ClassVar[bool] = True  # whether a reading depends on other cells than its own
+    # whether a reading is that of `rho`, the resistance between its two lines (rows, cols) [ohm],
+    # which follows from `inverse`, a `laplacian.Network`
     two_terminal: ClassVar[bool] = False
-    loads_lower: ClassVar[bool] = False
+    loads_lower: ClassVar[bool] = False  # whether a load may lower readings of other cells
+    # whether the readings of a sense line share what its divider leaves of their sum: r_par lies
+    # with r_ref
     shares_sum: ClassVar[bool] = False
+    # knows_r_line, knows_r_drive: whether `Circuit.r_line` and `Circuit.r_drive` are modelled
     knows_r_line: ClassVar[bool] = False
     knows_r_drive: ClassVar[bool] = False
-    second: ClassVar[str] = "r_line"
+    second: ClassVar[str] = "r_line"  # of these the one that frames determine besides r_par, if any
+    # whether lines may be driven through diodes: none is held at 0 V
     takes_diodes: ClassVar[bool] = False
-    adc: Floats
+    adc: Floats  # (rows, cols) ADC ratio
     rho: Floats  # if two_terminal
 
     @abstractmethod
