@@ -38,6 +38,7 @@ _EMPTY = 0.02  # of the readings may lie in the gap of a top bit
 # A wrong bit about whose edge untouched cells rest, where a reading is the mean of some samples:
 # share of the variance of their noise that it explains at least.
 _EXPLAINED = 0.9
+_NEAR_SHORT = 0.97  # of what a short circuit reads: above, hard touches read alike
 _EVEN = 0.6  # median over largest noise of a line, where all its readings are noisy
 _OPEN_NOISY = (
     0.3  # of the usual reading, that an open line reads at most where noise leaves it more
@@ -153,7 +154,10 @@ def ceiling(seen: Recorded) -> tuple[float, Finding] | None:
     for steps in seen.steps:
         samples = np.rint(np.where(calm, steps, 0.0) * (1 << 16 - bits)).astype(np.uint16)
         watch.look(samples, windows.frame(samples))
-    return None if watch.height is None else (watch.height, watch.findings()[0])
+    most = seen.circuit.ratio(0.0) * seen.circuit.full_scale
+    if watch.height is None or watch.height > _NEAR_SHORT * most:
+        return None
+    return watch.height, watch.findings()[0]
 
 
 def _noise_limit(seen: Recorded) -> float:
