@@ -18,11 +18,11 @@ seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 20.0
 class Motors:
     """Stands in for your robot's."""
 
-    running: bool | None = None
+    said: tuple | None = None
 
     def allow(self, running: bool, why: str) -> None:
-        if running != self.running:
-            self.running = running
+        if (running, why) != self.said:
+            self.said = running, why
             print("motors run" if running else f"motors stand: {why}")
 
 
