@@ -150,10 +150,8 @@ class Skin:
         check_parameters(self._plan, names)
         for action in self._plan.nodes:
             SIGNALS.raise_pending()  # the last one took a while
-            handle, kind = (
-                self._make_node(action),
-                node_class(action.executable, action.package, action.file),
-            )
+            handle = self._make_node(action)
+            kind = node_class(action.executable, action.package, action.file)
             self._handles.append(handle)
             with naming_its_file(action):
                 self._nodes.append(kind(handle))

@@ -72,7 +72,7 @@ class StopMessage(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Limits(Checked):
+class PushLimits(Checked):
     """What a push is, and how long it stops the robot."""
 
     threshold: float = parameter(30.0, "N", "contact force that is a push", 0.1, 500.0, live=True)
@@ -91,7 +91,7 @@ class Limits(Checked):
 
 
 @dataclass(frozen=True)
-class StopConfig(Limits):
+class StopConfig(PushLimits):
     """When to stop, and when to be free again.
 
     `peak` is for a hard edge, whose cells end before they reach the threshold together. No

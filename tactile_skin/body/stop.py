@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from ..behaviours.stop import MAX_AHEAD, Cause, Decision, Limits, Reason, StopMessage
+from ..behaviours.stop import MAX_AHEAD, Cause, Decision, PushLimits, Reason, StopMessage
 
 _SILENCE = 0.15  # s without a message of a skin's stop, which publishes every 0.02 s
 _AHEAD = Reason(Cause.STALE, "its clock is ahead: synchronise the clocks")
@@ -26,7 +26,7 @@ class BodyStop:
         t: at which they may begin to publish.
     """
 
-    def __init__(self, skins: Iterable[str], config: Limits, t: float):
+    def __init__(self, skins: Iterable[str], config: PushLimits, t: float):
         self.config = config
         words = str(Reason(Cause.WAITING, "no message from its stop yet"))
         waiting = StopMessage(True, words, causes=(Cause.WAITING,))

@@ -110,9 +110,7 @@ def which_are_one(steps: np.ndarray, noise: float, cells: np.ndarray) -> Finding
         if bits := address_bits([(a, b) for at, a, b in found if at == axis], count):
             of = lines(axis, 0, *(1 << bit for bit in bits))
             return Finding(Kind.DOUBLED, "address bits", severity=Severity.FAULT, **of)
-    for axis, *pair in found:
-        return Finding(Kind.DOUBLED, "live", **lines(axis, *pair))
-    return None
+    return Finding(Kind.DOUBLED, "live", **lines(*found[0])) if found else None
 
 
 def one_voltage(mean: np.ndarray, frames: int, noise: float, circuit: Circuit) -> Finding | None:

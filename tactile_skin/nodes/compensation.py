@@ -106,12 +106,12 @@ class Compensation:
         if heard(self._taken_up):
             name = diagnostics.name_of(self.node)
             self._taken_up.publish(TimeReference(msg.header, clock.to_msg(), name))
-        here, t = clock.nanoseconds / 1e9, seconds(msg.header)
-        if here - t > _OLD and 0.0 <= here - self._taken_at < _APART:
+        taken, t = clock.nanoseconds / 1e9, seconds(msg.header)
+        if taken - t > _OLD and 0.0 <= taken - self._taken_at < _APART:
             self.skipped += 1
             return
-        self._taken_at = here
-        late = here - t > _LATE and 0.0 <= here - self._fitted_at < _FULL_FIT
+        self._taken_at = taken
+        late = taken - t > _LATE and 0.0 <= taken - self._fitted_at < _FULL_FIT
         try:
             samples = image_array(msg)
         except ValueError as error:
@@ -119,7 +119,7 @@ class Compensation:
         else:
             stopped = self._level == diagnostics.ERROR
             force = self.skin.frame(t, samples, late=late, stopped=stopped)
-        self._fitted_at = here if self.skin.fitted else self._fitted_at
+        self._fitted_at = taken if self.skin.fitted else self._fitted_at
         if force is not None:
             self._pressure.publish(image(force / self.cell_area, "32FC1", msg.header))
         self._update_level()

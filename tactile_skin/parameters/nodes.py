@@ -11,7 +11,7 @@ import functools
 
 from ..behaviours.admittance import AdmittanceConfig
 from ..behaviours.gate import GateConfig
-from ..behaviours.stop import Limits, StopConfig
+from ..behaviours.stop import PushLimits, StopConfig
 from ..board.formats import PROTOCOLS, fields
 from ..fields import group, leaves, parameter
 from .shared import Circuit, Curve, Framed, Geometry, Shared, Skin
@@ -143,7 +143,7 @@ class Gestures:
 
 
 @dataclasses.dataclass(frozen=True)
-class Body(Framed, Limits):
+class Body(Framed, PushLimits):
     """Several skins as one: pushes that touch two or more of them, started by body.launch.yaml."""
 
     skins: list[str] = parameter([""], "", SKINS)

@@ -11,7 +11,7 @@ from support.lab.unknown import Unknown
 from support.marks import ci
 from support.weights import known, objects, stream, totals
 
-from tactile_skin import PressureCurve, fit_curve, fit_reference, measure_rest
+from tactile_skin import PressureCurve, fit_curve, fit_reference, forward, measure_rest
 from tactile_skin.calibration import curve_fit
 from tactile_skin.calibration.totals import Totals
 
@@ -170,11 +170,43 @@ def test_frames_that_tell_no_curve_are_refused(bench, change, named):
         fit_curve(frames, bench.weights[: len(frames)], bench.circuit, bench.rest)
 
 
+def test_the_order_does_not_matter(bench, fitted):
+    order = np.random.default_rng(0).permutation(len(bench.weights))
+    again = bench.fit(bench.weights[order], order)
+    np.testing.assert_allclose(again.curve.points, fitted.curve.points, rtol=1e-6)
+    np.testing.assert_allclose(again.off, fitted.off[order], atol=1e-6)
+
+
+def test_the_shipped_fabric_gives_the_shipped_curve():
+    """Ideal cells on the shipped curve: its points come back."""
+    circuit, shipped = Unknown(SHAPE, seed=0).supposed, PressureCurve()
+    laid, weights = objects(8, SHAPE, np.random.default_rng(1))
+    idle = np.repeat(forward(circuit, shipped.resistance(np.zeros((1, *SHAPE)))), 2, 0)
+    frames = forward(circuit, shipped.resistance(laid))
+    found = fit_curve(frames, weights, circuit, measure_rest(idle, circuit)).curve
+    np.testing.assert_allclose(found.resistance(0.5), shipped.resistance(0.5), rtol=0.01)
+    np.testing.assert_allclose(found.resistance(4.0), shipped.resistance(4.0), rtol=0.01)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.floats(0.01, 100.0))
+def test_heavier_labels_give_a_heavier_curve(factor):
+    """All weights times a number: so is each force of the curve."""
+    rng = np.random.default_rng(0)
+    ramps, weights = rng.uniform(0.1, 1.0, (6, 3, 3, 8)), rng.uniform(30.0, 50.0, 6)
+    one, other = (Totals.of(ramps, f * weights).explained() for f in (1.0, factor))
+    np.testing.assert_allclose(other.slope, factor * one.slope, rtol=1e-6)
+    np.testing.assert_allclose(other.gain, one.gain, rtol=1e-6)
+
+
 def test_a_wrong_circuit_is_told(bench):
     """By frames that it does not explain; cells may make up for an r_par that is less far off."""
     wrong = replace(bench.circuit, r_par=2.0 * bench.circuit.r_par)
     found = fit_curve(bench.frames, bench.weights, wrong, bench.rest)
     assert "find what lies in series by touches" in found.message
+    less = replace(bench.circuit, r_par=1.3 * bench.circuit.r_par)
+    found = fit_curve(bench.frames, bench.weights, less, bench.rest)
+    assert found.error > 0.1  # it is said
 
 
 def test_crossings_that_are_not_read_are_done_without(bench):

@@ -14,7 +14,7 @@ from support.lab.board import KNOTS, FaultBoard
 from support.lab.touches import everyday
 from support.marks import ci, slow
 
-from tactile_skin import Circuit, PressureCurve, diagnose, measure_rest
+from tactile_skin import Circuit, PressureCurve, compensate, diagnose, measure_rest
 from tactile_skin.board.protocol import BinaryParser
 from tactile_skin.guide.notes import touches_note
 from tactile_skin.health.doctor import ignored_diode
@@ -211,3 +211,18 @@ def test_where_no_readout_explains_the_touches_that_is_said(true, supposed, seed
     (finding,) = diagnose(frames, supposed)
     assert finding.kind == "circuit"
     assert "circuit.r_par" in finding.remedy or "what is left is r_par" in finding.remedy
+
+
+@pytest.mark.parametrize("kind", KINDS[1:], ids="-".join)
+def test_the_rest_of_other_readouts(kind):
+    circuit, rng = skin(kind, (8, 12)), np.random.default_rng(19)
+    g = np.exp(0.1 * rng.standard_normal(circuit.shape)) / CURVE.rest_resistance
+    ratio = forward(circuit, 1.0 / g)
+    frames = ratio + rng.standard_normal((60, *circuit.shape)) * 0.5 / 1023.0
+    rest = measure_rest(np.clip(frames, 0.0, 1.0), circuit)
+    assert rest.conductance == pytest.approx(g, rel=0.03)
+    curve, force = CURVE.resting_at(1.0 / rest.conductance), scenes.finger(8, 12, 3.0, 5.0, 4.0)
+    pressed = forward(circuit, CURVE.resting_at(1.0 / g).resistance(force))
+    found = compensate(pressed, circuit, curve, noise=0.5)
+    assert found.status == "ok"
+    assert found.force.sum() == pytest.approx(force.sum(), rel=0.05)

@@ -174,6 +174,15 @@ def test_a_planner_that_dies_stops_the_robot(robot):
     assert robot.why() == "motion withheld: no command"
 
 
+def test_a_stop_node_that_dies_stops_the_robot(robot):
+    robot.wish = (0.3, 0.0, 0.0)
+    robot.live(0.2)
+    robot.stop.node.destroy_node()
+    driven = robot.live(0.5)[:, 0]
+    assert np.count_nonzero(driven) * FRAME == pytest.approx(0.1, abs=0.03)
+    assert robot.why() == "motion withheld: no message from the stop"
+
+
 def test_a_push_while_the_stream_is_stale(robot):
     """The frames stay away, somebody pushes, the frames come back: it never moved in between."""
     robot.wish = (0.3, 0.0, 0.0)
@@ -188,6 +197,33 @@ def test_a_push_while_the_stream_is_stale(robot):
     assert robot.reason == "push"
     robot.felt = np.zeros((16, 16))
     assert robot.live(1.0)[-1, 0] == 0.3
+
+
+def test_latch_and_reset():
+    """The push is over, and the robot stands until a reset, which a push refuses."""
+    robot = Robot(stop={"latch": True})
+    robot.wish = (0.3, 0.0, 0.0)
+    assert robot.live(0.2)[-1, 0] == 0.3
+    robot.felt = scenes.finger(16, 16, 7.5, 7.5, 60.0, 2.2)
+    robot.live(0.5)
+    assert robot.reason == "push + latched: push"
+    assert robot.reset() == (False, "still stopped: push")
+    robot.felt = np.zeros((16, 16))
+    assert not robot.live(1.5).any()
+    assert robot.reason == "latched: push"
+    assert robot.reset() == (True, "free")
+    assert robot.live(0.1)[-1, 0] == 0.3
+    assert robot.reason == ""
+
+
+def test_a_latched_stop_leaves_no_motion_away_from_the_hand():
+    """Who asks for a latch wants the robot to stand."""
+    robot = Robot(stop={"latch": True})
+    robot.live(0.1)
+    robot.wish = (-0.3, 0.0, 0.0)
+    robot.felt = scenes.finger(16, 16, 7.5, 7.5, 60.0, 2.2)
+    assert not robot.live(0.5)[-1].any()
+    assert robot.why() == "motion withheld: push + latched: push"
 
 
 @pytest.mark.parametrize("side", SIDES, ids=lambda a: f"{math.degrees(a):.0f}")
@@ -219,18 +255,32 @@ def test_a_push_from_each_of_eight_sides_against_the_gate(side, monkeypatch):
     assert robot.errors() == 0
 
 
-def test_no_command_passes_into_the_hand_where_nobody_stated_the_shape(monkeypatch):
+@pytest.mark.parametrize("side", SIDES)
+def test_no_command_passes_into_the_hand_where_nobody_stated_the_shape(side, monkeypatch):
     """Nor any other while it is pushed: with a plane taken for granted each went into a hand."""
     monkeypatch.setitem(GEOMETRY, "geometry.shape", "unknown")
-    robot, side = Robot(), EIGHT[1]
+    robot = Robot()
     robot.wish = math.cos(side), math.sin(side), 0.0
     assert np.abs(robot.live(0.3)).max() > 0.0
     robot.felt = palm(side, 45.0)
     robot.live(0.2)
     assert robot.stopped
-    assert not robot.live(0.4).any()
+    assert not robot.live(1.0).any()
     robot.felt = palm(side, 0.0)
-    assert robot.live(0.8)[-1].any()
+    assert robot.live(2.0)[-1].any()
+
+
+def test_a_squeeze_from_two_sides_leaves_no_motion(monkeypatch):
+    monkeypatch.setitem(GEOMETRY, "geometry.pitch", ALL_AROUND)
+    robot = Robot()
+    robot.live(0.1)
+    robot.felt = palm(math.pi / 2, 40.0) + palm(-math.pi / 2, 40.0)
+    robot.live(0.2)
+    assert robot.reason == "push"
+    for course in EIGHT:
+        robot.wish = (math.cos(course), math.sin(course), 0.0)
+        assert not robot.live(0.05).any()
+    assert robot.why() == "motion withheld: push: it comes from several sides"
 
 
 # --- words that come late ---
@@ -267,7 +317,7 @@ def test_a_free_on_an_old_reading_moves_nothing(mover):
     robot.felt = scenes.finger(16, 16, 7.5, 7.5, 25.0, 2.2)
     robot.wish = (-0.3, 0.0, 0.0)
     for age, values, believed in WORDS:
-        for _ in range(12):
+        for _ in range(30):
             say(robot, robot.clock.now().nanoseconds / 1e9 - age, **values)
             robot.live(FRAME)
         assert robot.velocity.any() == believed, (age, values)
@@ -308,6 +358,28 @@ def test_led_from_the_left_it_goes_right_and_rests_when_let_go(newtons, monkeypa
     assert np.abs(np.diff(driven, axis=0)).max() <= 1.0 * FRAME + 1e-9
     assert robot.at[1] < -0.1
     assert robot.errors() == 0
+
+
+@pytest.mark.ci
+def test_a_fault_while_led_is_zero_at_once():
+    robot = Robot(PushToMove)
+    robot.felt = scenes.finger(16, 16, 7.5, 7.5, 60.0, 2.2)
+    assert robot.live(1.0)[-1, 0] < -0.2
+    robot.report(DiagnosticStatus.ERROR, "on fire")
+    assert not robot.velocity.any()
+    assert robot.why() == "motion withheld: push + fault: elsewhere: on fire"
+    robot.report(DiagnosticStatus.OK)
+    assert -0.05 < robot.live(0.03)[-1, 0] < 0.0
+
+
+@pytest.mark.ci
+def test_a_stream_that_ends_while_led_is_zero_within_the_timeout():
+    robot = Robot(PushToMove)
+    robot.felt = scenes.finger(16, 16, 7.5, 7.5, 60.0, 2.2)
+    robot.live(1.0)
+    driven = robot.live(0.5, frames=False)
+    assert np.count_nonzero(driven[:, 0]) * FRAME <= 0.12
+    assert not driven[-1].any()
 
 
 def test_the_live_line_tells_where_it_is_led(capsys):

@@ -86,6 +86,11 @@ def skin():
     return Skin()
 
 
+def test_one_that_keeps_up_takes_each_frame(skin):
+    skin.play(0.5)
+    assert len(skin.published) == 50 and skin.compensation.skipped == 0
+
+
 def test_the_spread_of_each_picture_is_published_for_who_asks(skin):
     """Of 20 N on 8 x 8 cells the true force is within it."""
     spreads = []
@@ -177,11 +182,45 @@ def test_a_tare_does_not_clear_a_fault_that_is_kept(skin):
     assert not answer.success and "reset first" in answer.message
 
 
+@pytest.mark.parametrize("off", [0.0, 7.0])
+def test_a_matrix_that_is_read_no_more_stops(skin, off):
+    """At the height of the rest, too, where a picture of one frame is that of a bare skin."""
+    skin.play(2.5)
+    skin.levels.clear()
+    skin.play(2.0)
+    assert skin.levels == {DiagnosticStatus.OK}
+    skin.steps = np.full((8, 8), skin.steps.mean() + off)
+    skin.play(0.25)
+    assert skin.status.level == DiagnosticStatus.ERROR
+    assert "one voltage" in skin.status.message or "residual" in skin.status.message
+
+
 def test_a_line_that_is_read_twice_is_a_warning_that_names_it(skin):
     skin.steps[6] = skin.steps[2]
     skin.play(3.5)
     assert skin.status.level == DiagnosticStatus.WARN
     assert skin.status.message.startswith("rows 2 and 6: read the same, cell for cell")
+
+
+def test_a_stuck_address_bit_stops(skin):
+    skin.steps = skin.steps[np.arange(8) & ~2]
+    skin.play(3.5)
+    assert skin.status.level == DiagnosticStatus.ERROR
+    assert "address bit 1 of the rows: stuck" in skin.status.message
+
+
+def test_lines_that_are_exchanged_while_it_runs_stop_until_they_are_put_right(skin):
+    skin.play(2.0)
+    sound = skin.steps
+    skin.steps = sound[:, [0, 1, 5, 3, 4, 2, 6, 7]]
+    skin.play(0.5)
+    assert skin.status.level == DiagnosticStatus.ERROR
+    assert "reads at rest as column" in skin.status.message
+    skin.play(5.0)
+    assert skin.status.level == DiagnosticStatus.ERROR, "what is measured meanwhile is no rest"
+    skin.steps = sound
+    skin.play(3.0)
+    assert skin.status.level != DiagnosticStatus.ERROR
 
 
 def test_an_r_par_that_changes_is_a_warning_that_a_tare_ends(skin):
@@ -220,3 +259,22 @@ def test_what_cells_have_at_rest_is_published_once_it_was_measured(skin):
     skin.play(2.0)
     rest = image_array(found[-1])
     np.testing.assert_allclose(rest, skin.rest, rtol=0.02)
+
+
+def test_a_tare_measures_the_rest_anew_and_is_refused_under_a_touch(skin):
+    skin.play(2.0)
+    assert skin.compensation.skin._tare.measured
+    skin.steps = forward(CIRCUIT, 1.03 * skin.rest) * CIRCUIT.full_scale
+    answer = skin.ask("tare")
+    assert answer.success and "hands off" in answer.message
+    assert not skin.compensation.skin._tare.measured
+    skin.play(2.0)
+    measured = skin.compensation.skin._tare.curve.rest_resistance
+    np.testing.assert_allclose(measured, 1.03 * skin.rest, rtol=0.02)
+    pressed = skin.rest.copy()
+    pressed[3, 4] = 500.0
+    skin.steps = forward(CIRCUIT, pressed) * CIRCUIT.full_scale
+    skin.play(0.1)
+    answer = skin.ask("tare")
+    assert not answer.success and "something presses" in answer.message
+    assert skin.compensation.skin._tare.measured

@@ -1,15 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node gestures: names of what simulated hands do, on the topics."""
 
+import threading
+import time
 from collections import defaultdict
 
 import numpy as np
 import pytest
 from support.bench import Bench
 
-from tactile_skin.msg import Image, PointCloud2, String, cloud, cloud_columns, image
+from tactile_skin.middleware.bus import Context, MultiThreadedExecutor, Node
+from tactile_skin.msg import Bool, Header, Image, PointCloud2, String, cloud, cloud_columns, image
+from tactile_skin.nodes.observers import gestures
 from tactile_skin.nodes.observers.gestures import SHIPPED, Gestures
 from tactile_skin.nodes.observers.touch_events import GestureListener
+from tactile_skin.nodes.stop_on_push import LATCHED, StopOnPush
 from tactile_skin.simulation.people.hands import GESTURES, Person, perform
 from tactile_skin.simulation.people.mat import Mat
 from tactile_skin.touch.model import load_model
@@ -108,3 +113,54 @@ def test_what_the_model_is_not_sure_of_is_other():
     skin = Skin(min_probability=1.0)
     skin.do("stroke")
     assert [message.data for message in skin.seen["skin/gesture"]] == ["other"]
+
+
+class Hangs:
+    """Stands for a recogniser that never answers, until it is let go; then it raises."""
+
+    def __init__(self):
+        self.asked, self.let_go = threading.Event(), threading.Event()
+
+    def update(self, t, force, std):
+        self.asked.set()
+        self.let_go.wait(PATIENCE)
+        raise RuntimeError("no answer")
+
+
+def test_a_recogniser_that_hangs_or_raises_neither_keeps_a_stop_back_nor_ends_one(monkeypatch):
+    """On real time, in threads of their own as a launch gives them."""
+    hangs, said, executor = Hangs(), [], MultiThreadedExecutor()
+    monkeypatch.setattr(gestures, "Recogniser", lambda *_: hangs)
+    context = Context()
+    feeler = Node("feeler", context=context)
+    contacts = feeler.create_publisher(PointCloud2, "skin/contacts", 10)
+    pressure = feeler.create_publisher(Image, "skin/pressure", 10)
+    for kind in (Gestures, StopOnPush):
+        node = Node(kind.__name__.lower(), context=context)
+        executor.add_node(node)
+        kind(node)
+    feeler.create_subscription(Bool, "skin/stop", lambda m: said.append(m.data), LATCHED)
+    executor.add_node(feeler)
+
+    def feel(force: float, until) -> None:
+        deadline = time.monotonic() + PATIENCE
+        while not until():
+            assert time.monotonic() < deadline
+            header = Header(feeler.get_clock().now().to_msg(), "base_link")
+            at = {"x": 0.0, "y": 0.0, "z": 0.0, "force": force, "peak": force}
+            contacts.publish(cloud({name: [value] for name, value in at.items()}, header))
+            pressure.publish(image(np.full((16, 16), force / CELL_AREA / 256), "32FC1", header))
+            time.sleep(0.01)
+
+    try:
+        feel(0.0, lambda: said[-1:] == [False] and hangs.asked.is_set())
+        feel(50.0, lambda: said[-1])
+        assert not hangs.let_go.is_set()  # the stop came while the recogniser hung
+        hangs.let_go.set()
+        before, more = len(said), iter(range(30))
+        feel(50.0, lambda: next(more, None) is None)
+        assert all(said[before:])
+    finally:
+        hangs.let_go.set()
+        context.try_shutdown()
+        executor.shutdown()

@@ -172,6 +172,36 @@ def test_a_push_stops_after_the_debounce(moving):
     assert len(above) - above.index(True) == math.ceil(STOP["debounce"] / FRAME) + 1
 
 
+def test_a_knock_shorter_than_the_debounce_does_not_stop(moving):
+    moving.scene = "push_left"
+    moving.play(3)
+    moving.scene = "idle"
+    moving.play(40)
+    forces = [cloud_columns(m)["force"].sum() for m in moving.seen["skin/contacts"]]
+    assert max(forces) > STOP["threshold"]
+    assert not any(m.data for m in moving.seen["skin/stop"][-43:])
+
+
+def test_a_light_touch_does_not_stop(moving):
+    moving.scene = "one_finger"
+    moving.play(50)
+    assert not moving.stopped
+    assert cloud_columns(moving.seen["skin/contacts"][-1])["force"].sum() > 1.0
+
+
+def test_a_release_frees_after_the_hold(moving):
+    moving.scene = "push_left"
+    moving.frames_until(True)
+    moving.settle()
+    moving.scene = "idle"
+    already = len(moving.seen["skin/contacts"])
+    moving.frames_until(False)
+    forces = [cloud_columns(m)["force"].sum() for m in moving.seen["skin/contacts"][already:]]
+    held = sum(f <= STOP["release"] for f in forces) - 1  # frames after the last above release
+    assert held * FRAME == pytest.approx(STOP["hold"], abs=FRAME + 1e-9)
+    assert moving.reason == ""
+
+
 def test_a_stream_that_ends_stops_as_stale(moving):
     """Within stale_after and one heartbeat, with no reading to bring it about."""
     silent = 0.0
@@ -185,14 +215,21 @@ def test_a_stream_that_ends_stops_as_stale(moving):
     assert not moving.stopped
 
 
+def test_the_stop_is_a_heartbeat(moving):
+    """Said again and again, so that a lock that expires also stops."""
+    before = len(moving.seen["skin/stop"])
+    for _ in range(50):
+        moving.spin(HEARTBEAT)
+    assert len(moving.seen["skin/stop"]) - before == 50
+
+
 def test_readings_are_heartbeats_too(moving):
-    """One decision each: the timer speaks only where they leave a gap, again and again."""
+    """One decision each: the timer speaks only where they leave a gap."""
     before = len(moving.seen["skin/stop"])
     moving.play(50)
     assert len(moving.seen["skin/stop"]) - before == 50
-    for _ in range(50):
-        moving.spin(HEARTBEAT)
-    assert len(moving.seen["skin/stop"]) - before == 100
+    moving.spin(HEARTBEAT)
+    assert len(moving.seen["skin/stop"]) - before == 51
 
 
 def test_the_stop_is_latched(moving):
@@ -231,6 +268,13 @@ def test_the_diagnostics_of_other_parts_of_the_robot_do_not_stop(moving):
     assert not moving.stopped
 
 
+def test_shutting_down_stops(moving):
+    moving.stop.close()
+    moving.executor.spin_some()
+    assert moving.stopped
+    assert "the skin shuts down" in moving.reason
+
+
 def test_the_status_has_the_stamp_of_the_reading_it_rests_on(moving):
     moving.play(1)
     assert moving.seen[STATUS_TOPIC][-1].header == moving.seen["skin/contacts"][-1].header
@@ -248,6 +292,10 @@ def test_a_squeeze_stops_although_its_wrench_is_nothing(moving):
 @pytest.mark.parametrize(
     ("bad", "named"),
     [
+        ({"threshold": -1.0}, "threshold"),
+        ({"stale_after": -0.1}, "stale_after"),
+        ({"release": 31.0}, "release"),
+        ({"hold": "long"}, "hold"),
         ({"peak": 9.5}, "peak = 9.5 N: the curve ends at 9.80665 N"),
         ({"curve.force": [0.0, 5.0], "curve.resistance": [40000.0, 85.0]}, "at most 4.75 N"),
     ],
@@ -367,6 +415,29 @@ def feels(monkeypatch, force, status) -> None:
     monkeypatch.setattr("tactile_skin.health.skin.compensate", lambda *a, **k: found)
 
 
+def test_a_fault_seen_at_rest_is_not_healed_by_a_touch_that_hides_it(monkeypatch):
+    """Two shorted lines read off at rest, and alike under a touch that lies on both."""
+    chain = Chain("naive")
+    skin = chain.compensation.skin
+    skin._follows = skin.waits = False  # the frames are all alike
+    touch = np.zeros((16, 16))
+    touch[5, 5] = 1.0  # N
+
+    def feel(frames, force, status):
+        feels(monkeypatch, force, status)
+        chain.publish_alike(frames)
+        chain.spin(1.0)  # for a report
+        return last_report(chain).level
+
+    rest, bad = np.zeros((16, 16)), DiagnosticStatus.ERROR
+    assert feel(5, rest, "ok") == DiagnosticStatus.OK
+    assert feel(30, touch, "suspect") == bad
+    assert feel(60, touch, "ok") == DiagnosticStatus.OK, "the touch is believed again"
+    assert feel(15, rest, "suspect") == bad
+    assert feel(100, touch, "ok") == bad
+    assert feel(30, rest, "ok") == DiagnosticStatus.OK
+
+
 def test_a_reset_forgets_what_was_under_a_touch_and_says_so_at_once(monkeypatch):
     """On diagnostics, before it answers: who then resets the stop finds the fault gone."""
     chain, rest, touch = Chain("naive"), np.zeros((16, 16)), np.zeros((16, 16))
@@ -399,6 +470,19 @@ def test_a_doubt_before_the_rest_was_measured_is_no_fault(monkeypatch):
     assert chain.stopped
 
 
+@pytest.mark.parametrize("status", ["suspect", "failed"])
+def test_a_reset_is_no_cure_for_what_is_still_wrong(monkeypatch, status):
+    chain = Chain("naive")
+    chain.compensation.skin.waits = False  # rest was measured
+    client = chain.observer.create_client(Trigger, "compensation/reset")
+    feels(monkeypatch, np.zeros((16, 16)), status)
+    chain.publish_alike(30)
+    client.call_async(Trigger.Request())
+    chain.executor.spin_some()
+    assert last_report(chain).level == DiagnosticStatus.ERROR
+    assert "fault: compensation: " in chain.reason
+
+
 # --- the pressure picture ---
 
 
@@ -413,6 +497,16 @@ def test_pressure_is_in_pascal(moving):
     pressure = image_array(moving.seen["skin/pressure"][-1])
     assert pressure.dtype == np.float32
     np.testing.assert_allclose(pressure, force / CELL_AREA, rtol=1e-5)
+
+
+def test_the_chain_finds_the_force_of_two_fingers():
+    """12 N each, by a method that owes nothing to training."""
+    chain = Chain("fixed_point")
+    chain.scene = "two_fingers"
+    chain.settle()
+    force = cloud_columns(chain.seen["skin/contacts"][-1])["force"]
+    assert len(force) == 2
+    np.testing.assert_allclose(force, 12.0, rtol=0.15)
 
 
 # --- the monitor ---
@@ -534,6 +628,29 @@ def test_the_driver_publishes_what_the_board_sends(driven):
     assert (report.level, report.name) == (DiagnosticStatus.OK, "serial_driver")
     values = {pair.key: pair.value for pair in report.values}
     assert (values["crc_errors"], values["lost"], values["reconnects"]) == ("0", "0", "0")
+
+
+@pytest.mark.parametrize("wrong", [{"circuit__rows": 5}, {"circuit__adc_bits": 12}])
+def test_a_board_of_another_size_is_an_error_and_gives_no_reading(driven, wrong):
+    adc, reports = driven(**wrong)
+    bad = DiagnosticStatus.ERROR
+    reports.wait_for(
+        lambda m: m.status[0].level == bad and "the board sends 4 x 5" in m.status[0].message
+    )
+    assert adc.seen == []
+
+
+@pytest.mark.parametrize(
+    ("wrong", "named"),
+    [
+        ({"port": "/dev/ttyNONE0"}, "port /dev/ttyNONE0: does not exist"),
+        ({"protocol": "morse"}, "protocol of node .* = 'morse': must be one of binary, text"),
+        ({"baud": 0}, "baud of node serial_driver = 0: must be from 300"),
+    ],
+)
+def test_what_the_driver_cannot_do_is_refused_at_its_start(driven, wrong, named):
+    with pytest.raises(ValueError, match=named):
+        driven(**wrong)
 
 
 def test_a_skin_that_is_loaded_from_the_start_stops_until_it_is_let_go():
