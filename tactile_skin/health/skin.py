@@ -142,7 +142,8 @@ class Skin:
             return None
         try:
             adc = self._adc.ratio_of(samples)
-            estimate = self._compensate(adc, hurry=late and not self._threshold)
+            begins = self._last is not None and self._last.method == "rest"  # what touches now
+            estimate = self._compensate(adc, hurry=(late or begins) and not self._threshold)
         except ValueError as error:
             self.refuse(str(error))
             return None

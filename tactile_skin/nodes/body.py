@@ -32,7 +32,7 @@ from ..parameters.shared import Circuit, Framed, Geometry
 from ..touch.frames import IDENTITY, Frames, Pose
 from ..touch.geometry import UNKNOWN
 from ..touch.geometry import Geometry as SkinGeometry
-from . import QUEUE, now, seconds
+from . import now, seconds
 from .frames import hear
 from .gesture_feature import CONTACT
 from .stop_on_push import (
@@ -49,6 +49,7 @@ _SKIN = "skin"  # field of a contact: the place of its skin in the parameter `sk
 # key of a value: each skin and how old the reading of its stop was when the body heard it [s];
 # below 0: the clock of its computer is ahead
 AGES = "ages"
+_NEWEST = 1  # message a topic: what a body that lags has not read yet keeps no stop waiting
 STOPPING = "skins"  # key of a value of the status: the skins that stop the body, between spaces
 
 
@@ -116,8 +117,8 @@ class Body:
             self.node.create_subscription(kind, where, lambda msg: callback(name, msg), qos)
 
         hear(DiagnosticArray, STATUS_TOPIC, self.on_status, STATUS)
-        hear(WrenchStamped, "skin/wrench", self.on_wrench, QUEUE)
-        hear(PointCloud2, "skin/contacts", self.on_contacts, QUEUE)
+        hear(WrenchStamped, "skin/wrench", self.on_wrench, _NEWEST)
+        hear(PointCloud2, "skin/contacts", self.on_contacts, _NEWEST)
 
     def on_parameters(self, values: dict) -> None:
         """Limits that change while the robot moves."""

@@ -137,12 +137,12 @@ class Subscription:
         with node._lock:
             if node._gone:
                 return
-            if len(self._queue) >= self.qos_profile.depth:
+            if len(self._queue) < self.qos_profile.depth:
+                node._inbox.append(self)
+            else:  # it keeps its turn: else who publishes fast enough is never heard
                 self._queue.popleft()
-                node._inbox.remove(self)
                 self.dropped += 1
             self._queue.append(message)
-            node._inbox.append(self)
         node._wake.set()
 
     def _next(self):
