@@ -33,6 +33,9 @@ _RESTART_AFTER = 4  # suspect or failed frames in a row after which the last one
 _FRAMES = 2.0
 _SHORTEST = 0.05  # s
 _LONGEST = 0.5  # s: a push must not wait for longer
+# s for which a touch begins: the low-pass of a board of 100 frames a second mixes scans, which no
+# picture explains, and the stop waits for none.
+_BEGINS = 0.025
 _FOLLOW = 0.1  # share of the usual interval between frames that each frame renews
 
 
@@ -91,6 +94,7 @@ class Skin:
         self._tracker = CircuitTracker(self.circuit, r_par_std)
         self._monitor = Monitor(adc, threshold)
         self._last: Estimate | None = None  # the last frame: where the next starts from
+        self._rested = -np.inf  # s, of the last frame in which nothing touched
         self._doubts = 0  # frames in a row
         self._found: list[Finding] = []  # by the monitor
         self._ended = 0  # readings of the last frame at the end of the ADC's range
@@ -124,7 +128,7 @@ class Skin:
         Args:
             t: when it was read.
             samples: (rows, cols) of skin/adc.
-            late: whether it has waited: `auto` hurries then.
+            late: whether it has waited: `auto` hurries then, and as a touch begins.
             stopped: whether a fault of this skin stops the robot.
 
         Returns:
@@ -142,11 +146,12 @@ class Skin:
             return None
         try:
             adc = self._adc.ratio_of(samples)
-            begins = self._last is not None and self._last.method == "rest"  # what touches now
+            begins = 0.0 < t - self._rested < _BEGINS
             estimate = self._compensate(adc, hurry=(late or begins) and not self._threshold)
         except ValueError as error:
             self.refuse(str(error))
             return None
+        self._rested = t if estimate.method == "rest" else self._rested
         self.fitted = estimate.method != "fixed_point" or self._method != "auto"
         # A touch that comes or goes leaves a few suspect frames, as the board's low-pass mixes
         # scans: they are close to the truth. More in a row may be a bad local fit: start anew,

@@ -34,7 +34,7 @@ from ..touch.geometry import UNKNOWN
 from ..touch.geometry import Geometry as SkinGeometry
 from . import now, seconds
 from .frames import hear
-from .gesture_feature import CONTACT
+from .gesture_feature import CONTACT, heard
 from .stop_on_push import (
     HEARTBEAT,
     STATUS,
@@ -134,10 +134,9 @@ class Body:
     def on_wrench(self, name: str, msg: WrenchStamped) -> None:
         if (pose := self._pose(name, msg.header)) is None:
             return
-        force = pose.rotation @ xyz(msg.wrench.force)
-        torque = pose.rotation @ xyz(msg.wrench.torque) + np.cross(pose.translation, force)
-        self._wrenches[name] = seconds(msg.header), np.array([*force, *torque])
-        if self._stamps.get(name) == seconds(msg.header):
+        stamp = seconds(msg.header)
+        self._wrenches[name] = stamp, pose.wrench(xyz(msg.wrench.force), xyz(msg.wrench.torque))
+        if self._stamps.get(name) == stamp:
             self._joined(name, msg.header)
 
     def on_contacts(self, name: str, msg: PointCloud2) -> None:
@@ -182,16 +181,22 @@ class Body:
             return
         self._fresh = {name} if again else set()
         touches = self.tracker.touches()
-        self._contacts.publish(self._cloud(touches, header))
+        if heard(self._contacts):
+            self._contacts.publish(self._cloud(touches, header))
         wrench = sum((self._wrenches[k][1] for k in live if k in self._wrenches), np.zeros(6))
-        force, torque = Vector3(*wrench[:3].tolist()), Vector3(*wrench[3:].tolist())
-        self._wrench.publish(WrenchStamped(header, Wrench(force, torque)))
+        force, torque = wrench[:3], wrench[3:].tolist()
+        if heard(self._wrench):
+            self._wrench.publish(
+                WrenchStamped(header, Wrench(Vector3(*force.tolist()), Vector3(*torque)))
+            )
         total = sum(touch.force for touch in touches)
-        centre = sum((x.force * x.position for x in touches), np.zeros(3)) / (total or 1.0)
-        self._centre.publish(PointStamped(header, Point(*centre.tolist())))
-        length = float(np.linalg.norm(wrench[:3]))
-        direction = wrench[:3] / length if length > 1e-6 * total else np.zeros(3)
-        self._direction.publish(Vector3Stamped(header, Vector3(*direction.tolist())))
+        if heard(self._centre):
+            centre = sum((x.force * x.position for x in touches), np.zeros(3)) / (total or 1.0)
+            self._centre.publish(PointStamped(header, Point(*centre.tolist())))
+        if heard(self._direction):
+            length = float(np.linalg.norm(force))
+            direction = force / length if length > 1e-6 * total else np.zeros(3)
+            self._direction.publish(Vector3Stamped(header, Vector3(*direction.tolist())))
 
     def _live(self, stamp: float) -> set[str]:
         """Return the skins whose contacts are of now: what a silent one last felt is over."""

@@ -27,12 +27,11 @@ class Touch(NamedTuple):
 
     def seen_from(self, pose: Pose) -> Touch:
         """Return the same in another frame, in which its own has this pose."""
-        force = pose.rotation @ self.force
+        fx, fy, fz, *torque = pose.wrench(self.force, self.torque).tolist()
         centre = pose.rotation @ self.centre + pose.translation
-        torque = pose.rotation @ self.torque + np.cross(pose.translation, force)
         places = self.places @ pose.rotation.T + pose.translation
-        return Touch(
-            self.stamp, self.total, tuple(force), tuple(torque), tuple(centre), places, self.frame
+        return self._replace(
+            force=(fx, fy, fz), torque=tuple(torque), centre=tuple(centre.tolist()), places=places
         )
 
 

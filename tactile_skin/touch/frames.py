@@ -27,6 +27,13 @@ class Pose(NamedTuple):
     def inverse(self) -> Pose:
         return Pose(self.rotation.T, -self.rotation.T @ self.translation)
 
+    def wrench(self, force: Sequence[float], torque: Sequence[float]) -> np.ndarray:
+        """Return (6,) force [N] and torque about the origin [N m] of those in the frame."""
+        moved = self.rotation @ force
+        (x, y, z), (fx, fy, fz) = self.translation.tolist(), moved.tolist()
+        moment = y * fz - z * fy, z * fx - x * fz, x * fy - y * fx  # np.cross takes ten times that
+        return np.concatenate([moved, self.rotation @ torque + moment])
+
 
 IDENTITY = Pose(np.eye(3), np.zeros(3))
 

@@ -106,6 +106,24 @@ def test_a_late_frame_of_an_untouched_skin_is_known_as_that():
     assert board.skin.taken["rest"] == before + 20 and board.skin.fitted
 
 
+def test_a_touch_that_begins_is_seen_by_the_fast_method_and_then_fitted():
+    """The stop waits for no fit of frames that a board's low-pass has mixed."""
+    board = Board()
+    board.feel(NOTHING, 150)
+    assert board.feel(PUSH, 2).sum() == pytest.approx(PUSH.sum(), rel=0.1)
+    assert board.skin.taken["fixed_point"] == 2 and not board.skin.fitted
+    board.feel(PUSH, 10)
+    assert board.skin.taken["fixed_point"] == 2 and board.skin.fitted
+
+
+def test_a_frame_of_a_slow_board_mixes_nothing_and_is_fitted_at_once():
+    board = Board()
+    board.feel(NOTHING, 150)
+    board.t += 0.08
+    board.feel(PUSH)
+    assert board.skin.fitted and board.skin.taken["fixed_point"] == 0
+
+
 @pytest.mark.parametrize("late", [False, True])
 @pytest.mark.parametrize("shape", [(4, 4), (8, 9), (64,), (0, 8), (1, 8, 8)])
 def test_a_frame_of_which_nothing_can_be_made_fails_and_the_next_does_not(shape, late):
