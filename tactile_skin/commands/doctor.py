@@ -68,11 +68,8 @@ def run(args) -> int:
     for name in _LIVE:
         if files and name in given:
             raise ValueError(f"{name}:= is of a live board: give port:=DEVICE, not a file")
-    skin = (
-        recorded_skin(files[0])
-        if files and "config" not in given
-        else read_skin(given.get("config"))
-    )
+    config = given.get("config")
+    skin = recorded_skin(files[0], config) if files else read_skin(config)
     board = _board(skin, given)
     adc = skin_of(board, "").adc
     circuit = adc.circuit
