@@ -56,7 +56,6 @@ EXAMPLES = (
 
 
 def register(parser) -> None:
-    """Declare the arguments."""
     parser.add_argument(
         "--creep",
         nargs="?",

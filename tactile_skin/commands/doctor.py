@@ -54,7 +54,6 @@ _CORRUPT, _LOST = 0.005, 0.05  # shares of the frames from which on the link is 
 
 
 def register(parser) -> None:
-    """Declare the arguments."""
     board = [f"  {name:14}  {leaf.about.description}" for name, leaf in _BOARD.items()]
     parser.epilog = "\n".join([EXAMPLES, "the board, in place of config or on top:", *board])
     parser.add_argument("words", nargs="*", metavar="FILE | NAME:=VALUE", help="frames; options")

@@ -46,7 +46,6 @@ _SHOWN = 20  # stops that the summary lists
 
 
 def register(parser) -> None:
-    """Declare the arguments."""
     parser.add_argument("words", nargs="*", metavar="FILES | NAME:=VALUE", help="recordings")
     parser.add_argument(
         "--compare", nargs="+", metavar="METHOD", help="these methods side by side, as a table"
