@@ -92,7 +92,7 @@ class PacketParser(Parser):
 
     def __init__(self, rows: int, cols: int, adc_bits: int, fmt: PacketFormat):
         super().__init__((rows, cols), fmt.request)
-        self.rows, self.cols, self.adc_bits, self.format = rows, cols, adc_bits, fmt
+        self.adc_bits, self.format = adc_bits, fmt
         head, tail = fmt.head.split(), fmt.tail.split()
         self._head, self._tail = _pattern("head", fmt.head), _pattern("tail", fmt.tail)
         self._head_size = len(head)

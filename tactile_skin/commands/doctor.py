@@ -149,7 +149,7 @@ def _listen(given: dict, board: dict) -> tuple[np.ndarray, list[Finding]]:
         live(0.0)
         print(f"hands off for 5 s, then press everywhere, with pauses: {seconds:g} s", flush=True)
         frames = live(seconds)
-        counters, reconnects = live.counters, live.reconnects
+        counters, reconnects = live.driver.counters, live.driver.reconnects
     print(
         f"{len(frames) / seconds:.0f} frames a second, {counters.corrupt} damaged (CRC or line), "
         f"{counters.lost} lost, {reconnects} reconnections"

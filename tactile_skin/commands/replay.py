@@ -156,8 +156,8 @@ def _track(items, total: int):
 
 
 def _compare(job: Job, methods: list[str]) -> int:
-    n = Recording(job.path, job.namespace)
-    count = n.topics[n.adc_topic].count
+    source = Recording(job.path, job.namespace)
+    count = source.topics[source.adc_topic].count
     found = compare(job, methods, lambda steps: _track(steps, count))
     _say_notes(job.path, found.results[0].notes)
     print(table(found))

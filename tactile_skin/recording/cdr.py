@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import importlib
 import inspect
 from collections.abc import Iterator
 from typing import TypeVar
@@ -41,8 +40,9 @@ def mcap():
     Raises:
         ModuleNotFoundError: it is not installed.
     """
-    parts = [_load(f"mcap.{part}") for part in _PARTS]
-    return importlib.import_module(parts[0].__package__)
+    for part in _PARTS:
+        _load(f"mcap.{part}")
+    return _load("mcap")
 
 
 def read_record(file):
