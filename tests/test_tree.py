@@ -30,7 +30,7 @@ MAY = {
     "parameters": "fields physics touch behaviours board",
     "simulation": "physics board",
     "middleware": "fields files yaml_files msg physics touch parameters board",
-    "recording": "files yaml_files msg physics middleware readings",
+    "recording": "extras files yaml_files msg physics middleware readings",
     "view": "msg physics solvers touch calibration health middleware recording board guide",
     "nodes": "fields msg physics touch behaviours body learning solvers findings calibration "
     "health board parameters middleware recording view",

@@ -13,7 +13,7 @@ import os
 
 import numpy as np
 from support.accuracy import accuracy
-from support.troubled import FAULTS, faulty
+from support.troubled import FAULTS, expose, faulty
 
 from benchmarks.accuracy.growth import exponent
 from tactile_skin import Circuit, PressureCurve, compensate, forward
@@ -22,7 +22,7 @@ from tactile_skin.learning import network
 from tactile_skin.physics.circuit import jacobian
 from tactile_skin.physics.curve import GRAM
 from tactile_skin.simulation import scenes
-from tactile_skin.simulation.textile import Textile, expose
+from tactile_skin.simulation.textile import Textile
 from tactile_skin.solvers.reading import SCAN_NOISE
 
 from .. import harness

@@ -14,6 +14,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from support.troubled import expose
 
 from tactile_skin.bench.measure import moving_touch
 from tactile_skin.bench.stability import FAILS, FAILS_SHARE
@@ -30,7 +31,7 @@ from tactile_skin.nodes import diagnostics
 from tactile_skin.nodes.compensation import Compensation
 from tactile_skin.physics.circuit import Circuit
 from tactile_skin.physics.curve import GRAM, PressureCurve
-from tactile_skin.simulation.textile import Textile, expose
+from tactile_skin.simulation.textile import Textile
 
 from .. import harness
 

@@ -118,11 +118,9 @@ class StopHook:
 
     def _state(self, t: float) -> tuple[bool, str]:
         stop, reason = self._messages.at(t)
-        return (
-            (True, " + ".join(filter(None, [reason, _FINAL_REASON])))
-            if self._closed
-            else (stop, reason)
-        )
+        if self._closed:
+            return True, " + ".join(filter(None, [reason, _FINAL_REASON]))
+        return stop, reason
 
     def _run(self) -> None:
         last_call: tuple[bool, str] | None = None
@@ -131,11 +129,8 @@ class StopHook:
             with self._changed:
                 t = self._now()
                 now = self._state(t)
-                if (
-                    not now[0]
-                    and self._missed is not None
-                    and (last_call is None or not last_call[0])
-                ):
+                said = last_call is not None and last_call[0]
+                if not now[0] and not said and self._missed is not None:
                     now = (True, self._missed)  # it came and went since the last call
                 if now == last_call and (self._closed or t < due):
                     if self._closed:

@@ -7,6 +7,8 @@ import json
 import re
 from pathlib import Path
 
+from ..extras import load
+
 # Colour, marker and line of each method; apart by marker and dashes also in grey.
 STYLES = {
     "naive": ("#8a8a8a", "X", (0, (1, 1.2))),
@@ -45,12 +47,7 @@ def prepare() -> None:
     Raises:
         ModuleNotFoundError: it is not installed; the message names the extra.
     """
-    try:
-        import matplotlib
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            "charts are drawn by matplotlib: pip install 'tactile_skin[charts]'"
-        ) from error
+    matplotlib = load("matplotlib", "charts are drawn by matplotlib", "charts")
     matplotlib.use("Agg")
     matplotlib.rcParams.update({"axes.spines.top": False, "axes.spines.right": False})
 

@@ -16,8 +16,11 @@ from ..physics.curve import GRAM, PressureCurve
 from ..physics.kernel import implementation
 from ..simulation import scenes
 from ..solvers.reading import ROUNDING_NOISE, SCAN_NOISE
+from ..touch.geometry import PITCH
 
 GHOST = 20.0  # g on a cell that nothing touches
+_SPEED = 0.3  # m/s of a touch that wanders
+_RATE = 100.0  # frames a second
 _DENSE = np.random.default_rng(0).standard_normal((257, 258))
 
 
@@ -85,10 +88,10 @@ def frames(family: str, readout: str, n: int, rng, circuit: Circuit, curve: Pres
     return force, scenes.read_out(circuit, adc, readout, rng)
 
 
-def moving_touch(n: int, rng, shape=(16, 16), speed: float = 0.3, rate: float = 100.0):
-    """(n, rows, cols) force [N]: a round touch of 25 mm wandering at `speed` m/s, 18 mm cells."""
+def moving_touch(n: int, rng, shape=(16, 16)):
+    """(n, rows, cols) force [N]: a round touch of 25 mm that wanders over a skin."""
     y, x = np.arange(shape[0])[:, None], np.arange(shape[1])[None]
-    step = speed / rate / 0.018  # cells a frame
+    step = _SPEED / _RATE / PITCH  # cells a frame
     ends = np.array(shape) - 3
     place = rng.uniform(4, ends - 1)
     heading, load = rng.uniform(0, 2 * np.pi), rng.uniform(100, 800)

@@ -19,12 +19,6 @@ FORMATS: dict[str, type[TextFormat] | type[PacketFormat] | None] = {
 PROTOCOLS = tuple(FORMATS)
 
 
-def check_protocol(protocol: str) -> None:
-    """Raise ValueError unless there is a protocol of this name."""
-    if protocol not in FORMATS:
-        raise ValueError(f"protocol {protocol!r}: must be one of {', '.join(PROTOCOLS)}")
-
-
 def fields() -> dict[str, dataclasses.Field]:
     """Name -> field of all descriptions; what two of them share is one parameter."""
     kinds = [kind for kind in FORMATS.values() if kind is not None]
@@ -37,7 +31,8 @@ def make_format(protocol: str, values: dict) -> Format:
     Raises:
         ValueError: an unknown protocol or name, one of another protocol, or a value that is none.
     """
-    check_protocol(protocol)
+    if protocol not in FORMATS:
+        raise ValueError(f"protocol {protocol!r}: must be one of {', '.join(PROTOCOLS)}")
     kind = FORMATS[protocol]
     known = {field.name for field in dataclasses.fields(kind)} if kind else set()
     given = {}

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+SEQUENCES = 1 << 16  # numbers that frames have in turn
+
 
 @dataclass(frozen=True, eq=False)
 class Frame:
@@ -74,6 +76,12 @@ class Parser:
 
     def _cut(self, data: bytes) -> list[Frame]:
         raise NotImplementedError
+
+    def _numbered(self, steps: np.ndarray, adc_bits: int, unread=None) -> Frame:
+        """Count a frame of a board that numbers none; steps: (rows * cols,) [ADC steps]."""
+        samples = np.rint(steps * 2 ** (16 - adc_bits)).astype(np.uint16).reshape(self.shape)
+        self.counters.frames += 1
+        return Frame(samples, adc_bits, self.counters.frames % SEQUENCES, None, unread)
 
 
 def about(text: str, default, *bounds):

@@ -19,7 +19,6 @@ import numpy as np
 from .frame import Frame, Parser, about
 from .protocol import crc16
 
-_SEQUENCES = 1 << 16
 WORDS = {"u8": "u1", "u16le": "<u2", "u16be": ">u2"}
 
 
@@ -93,7 +92,7 @@ class PacketParser(Parser):
 
     def __init__(self, rows: int, cols: int, adc_bits: int, fmt: PacketFormat):
         super().__init__((rows, cols), fmt.request)
-        self.rows, self.cols, self.adc_bits, self.format = rows, cols, adc_bits, fmt
+        self.adc_bits, self.format = adc_bits, fmt
         head, tail = fmt.head.split(), fmt.tail.split()
         self._head, self._tail = _pattern("head", fmt.head), _pattern("tail", fmt.tail)
         self._head_size = len(head)
@@ -157,7 +156,4 @@ class PacketParser(Parser):
             self.counters.out_of_range += 1
             self.counters.largest = max(largest, self.counters.largest)
             return []
-        samples = np.rint(steps * 2 ** (16 - self.adc_bits)).astype(np.uint16)
-        self.counters.frames += 1
-        number = self.counters.frames % _SEQUENCES
-        return [Frame(samples.reshape(self.rows, self.cols), self.adc_bits, number, None)]
+        return [self._numbered(steps, self.adc_bits)]

@@ -30,7 +30,7 @@ import struct
 
 import numpy as np
 
-from .frame import Frame, Parser
+from .frame import SEQUENCES, Frame, Parser
 
 MAGIC = b"\xa5\x5a"
 VERSION = 1
@@ -38,7 +38,6 @@ MAX_LINES = 64  # rows or columns: bounds the buffer
 _HEADER = struct.Struct("<2sBBBBBHI")
 _CRC = struct.Struct("<H")
 _HEADER_SIZE = _HEADER.size + _CRC.size
-_SEQUENCES = 1 << 16
 _SAMPLES = 1 << 16  # values that a sample's two bytes can hold
 _RESTART_GAP = 1000  # a larger jump of the sequence number is a board that restarted
 
@@ -65,7 +64,7 @@ def encode(sequence: int, device_time_us: int, samples, adc_bits: int, fraction_
             cols,
             adc_bits,
             fraction_bits,
-            sequence % _SEQUENCES,
+            sequence % SEQUENCES,
             device_time_us % 2**32,
         )
     )
@@ -91,7 +90,6 @@ class BinaryParser(Parser):
 
     @property
     def wanted(self) -> int:
-        """Bytes that a frame like the last one still lacks, at least 1."""
         return max(1, self._length - len(self._buffer))
 
     def _cut(self, data: bytes) -> list[Frame]:
@@ -167,7 +165,7 @@ class BinaryParser(Parser):
             return False
         self.counters.frames += 1
         if self._last_sequence is not None:
-            gap = (sequence - self._last_sequence - 1) % _SEQUENCES
+            gap = (sequence - self._last_sequence - 1) % SEQUENCES
             if gap > _RESTART_GAP:
                 self.counters.restarts += 1
             else:

@@ -22,7 +22,6 @@ import numpy as np
 
 from .frame import Frame, Parser, about
 
-_SEQUENCES = 1 << 16
 _PLAIN = b"0123456789., \t\r;"  # what a line of numbers holds, and
 _WORDS = b"-naNA"  # what stands for one that is missing
 _DIGITS = b"0123456789."
@@ -33,9 +32,9 @@ VOLTS = 5.5  # V, the most that a board of 5 V prints; numbers up to it may be v
 _ALIKE = 0.15  # by which the share of plain bytes of a damaged line may differ from a sound one's
 _PIECE = 0.5  # of a sound line's numbers that a damaged one has, at least
 _NUMBER = re.compile(rb"\d+")
-_LABEL = re.compile(rb'"?[A-Za-z_][\w .]*"?(?:\[\d+\])?[ \t]*[:=]')
+LABEL = re.compile(rb'"?[A-Za-z_][\w .]*"?(?:\[\d+\])?[ \t]*[:=]')
 _OPEN, _CLOSE = b"[({<", b"])}>"
-_BLANKED = bytes.maketrans(_OPEN + _CLOSE, b" " * 8)
+BLANKED = bytes.maketrans(_OPEN + _CLOSE, b" " * 8)
 _AT_ENDS = re.compile(rb"^[\s\[({<]+|[\s\])}>]+(?=[,;\s]*$)")
 BEGINS = re.compile(rb"^[\s,]*[\[({][\s]*[\[({]")  # a frame of rows in brackets
 ENDS = re.compile(rb"[\])}]\s*[\])}][,;\s]*$")
@@ -251,21 +250,19 @@ class TextParser(Parser):
             self.counters.corrupt += 1
             return []
         # what is not read travels beside the samples; a board of 16 bits has no fraction to keep
-        samples = np.rint(np.where(unread, 0.0, steps) * 2 ** (16 - self.adc_bits))
-        samples = samples.astype(np.uint16).reshape(self.rows, self.cols)
-        self.counters.frames += 1
-        unread = unread.reshape(samples.shape) if unread.any() else None
-        return [Frame(samples, self.adc_bits, self.counters.frames % _SEQUENCES, None, unread)]
+        known = np.where(unread, 0.0, steps)
+        crossings = unread.reshape(self.rows, self.cols) if unread.any() else None
+        return [self._numbered(known, self.adc_bits, crossings)]
 
     def _numbers(self, text: bytes) -> np.ndarray | None:
         """Return a line's numbers, NaN for those not read; None if it holds anything else."""
         if text.translate(None, _PLAIN + _WORDS):
             if b":" in text or b"=" in text:
-                text = _LABEL.sub(b" ", text)
+                text = LABEL.sub(b" ", text)
             if not _balanced(text):
                 text = _AT_ENDS.sub(b" ", text)
             if _balanced(text):
-                text = text.translate(_BLANKED)
+                text = text.translate(BLANKED)
             if text.translate(None, _PLAIN + _WORDS):
                 return None
         kinds = [b for b in _SEPARATORS if b in text]

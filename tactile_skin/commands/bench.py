@@ -16,7 +16,6 @@ EXAMPLES = (
 
 
 def register(parser) -> None:
-    """Declare the arguments."""
     parser.add_argument("parts", nargs="*", metavar="PART", help="what to measure (default: all)")
     parser.add_argument("--quick", action="store_true", help="few frames, for a look")
     parser.add_argument("--seed", type=int, default=1, help="of scenes and noise (default 1)")

@@ -56,7 +56,6 @@ EXAMPLES = (
 
 
 def register(parser) -> None:
-    """Declare the arguments."""
     parser.add_argument(
         "--creep",
         nargs="?",
@@ -189,13 +188,11 @@ def from_files(skin: SkinConfig, files: dict, loads: list[tuple[str, str]]) -> G
         return word
 
     guide = Guide(skin.circuit, source, ask, _say, show=_show)
-    source.open(files["rest"])
     rest = source.stream(files["rest"])[0]
     check_sent(skin, rest)
     guide.measure_rest()
     if "touches" in files:
         check_sent(skin, rest, source.stream(files["touches"])[0])
-        source.open(files["touches"])
         guide.identify()
     if loads and "reference" in files:
         raise ValueError("reference:= takes the place of weights: give one of both")

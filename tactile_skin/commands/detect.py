@@ -53,7 +53,6 @@ _KINDS = {
 
 
 def register(parser) -> None:
-    """Declare the arguments."""
     parser.add_argument(
         "words", nargs="*", metavar="FILE | NAME:=VALUE", help="file of bytes, or port; options"
     )

@@ -54,7 +54,6 @@ _CORRUPT, _LOST = 0.005, 0.05  # shares of the frames from which on the link is 
 
 
 def register(parser) -> None:
-    """Declare the arguments."""
     board = [f"  {name:14}  {leaf.about.description}" for name, leaf in _BOARD.items()]
     parser.epilog = "\n".join([EXAMPLES, "the board, in place of config or on top:", *board])
     parser.add_argument("words", nargs="*", metavar="FILE | NAME:=VALUE", help="frames; options")
@@ -68,11 +67,8 @@ def run(args) -> int:
     for name in _LIVE:
         if files and name in given:
             raise ValueError(f"{name}:= is of a live board: give port:=DEVICE, not a file")
-    skin = (
-        recorded_skin(files[0])
-        if files and "config" not in given
-        else read_skin(given.get("config"))
-    )
+    config = given.get("config")
+    skin = recorded_skin(files[0], config) if files else read_skin(config)
     board = _board(skin, given)
     adc = skin_of(board, "").adc
     circuit = adc.circuit
@@ -153,7 +149,7 @@ def _listen(given: dict, board: dict) -> tuple[np.ndarray, list[Finding]]:
         live(0.0)
         print(f"hands off for 5 s, then press everywhere, with pauses: {seconds:g} s", flush=True)
         frames = live(seconds)
-        counters, reconnects = live.counters, live.reconnects
+        counters, reconnects = live.driver.counters, live.driver.reconnects
     print(
         f"{len(frames) / seconds:.0f} frames a second, {counters.corrupt} damaged (CRC or line), "
         f"{counters.lost} lost, {reconnects} reconnections"

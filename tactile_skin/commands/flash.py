@@ -26,7 +26,6 @@ _KINDS = {"port": str, "config": str, "adc_mhz": int}
 
 
 def register(parser) -> None:
-    """Declare the arguments."""
     parser.add_argument("words", nargs="*", metavar="NAME:=VALUE", help="port, and options")
 
 

@@ -24,7 +24,6 @@ EXAMPLES = (
 
 
 def register(parser) -> None:
-    """Declare the arguments."""
     parser.add_argument(
         "words", nargs="*", metavar="FILE | NAME:=VALUE", help="launch file; arguments"
     )

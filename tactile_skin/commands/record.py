@@ -17,7 +17,6 @@ EXAMPLES = (
 
 
 def register(parser) -> None:
-    """Declare the arguments."""
     parser.add_argument(
         "out", metavar="OUT", help="file to make (.mcap), or folder/ for files named by time"
     )

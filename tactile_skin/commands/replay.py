@@ -15,10 +15,10 @@ import numpy as np
 
 from ..arguments import split
 from ..extras import each
-from ..middleware.config import SkinConfig, read_skin
+from ..middleware.config import SkinConfig
 from ..recording import Recording
 from ..recording.convert import export, to_recording
-from ..recording.frames import read_frames, recorded_skin
+from ..recording.frames import is_recording, read_frames, recorded_skin
 from ..replay.results import STATUS, Compared, Job, Results, collect, compare, table
 from ..solvers import METHODS
 
@@ -46,7 +46,6 @@ _SHOWN = 20  # stops that the summary lists
 
 
 def register(parser) -> None:
-    """Declare the arguments."""
     parser.add_argument("words", nargs="*", metavar="FILES | NAME:=VALUE", help="recordings")
     parser.add_argument(
         "--compare", nargs="+", metavar="METHOD", help="these methods side by side, as a table"
@@ -81,7 +80,7 @@ def run(args) -> int:
         raise ValueError(f"--jobs = {args.jobs}: must be 1 or more, and 1 with --out")
     namespace = given.get("namespace", "")
     if args.export:
-        return _export(files[0], args.export, _skin_of(files[0], config), namespace)
+        return _export(files[0], args.export, recorded_skin(files[0], config), namespace)
     with tempfile.TemporaryDirectory(prefix="tactile_skin_") as folder:
         paths = [_recording_of(path, Path(folder), config, given) for path in files]
         tasks = [Job(path, namespace, method, config or "") for path in paths]
@@ -93,10 +92,6 @@ def run(args) -> int:
     if args.out:
         print(f"{args.out}: all that the nodes published")
     return 0
-
-
-def _skin_of(path: str, config: str | None) -> SkinConfig:
-    return recorded_skin(path) if config is None else read_skin(config)
 
 
 def _fleet(tasks: dict[str, Job], methods: list[str], jobs: int) -> int:
@@ -126,9 +121,9 @@ def _one(methods: list[str], job: Job) -> Results | Compared | Exception:
 
 def _recording_of(path: str, folder: Path, config: str | None, given: dict) -> str:
     """Return a recording: the file itself, or one that is made of a foreign file's frames."""
-    if Path(path).suffix.lower() == ".mcap":
+    if is_recording(path):
         return path
-    skin = _skin_of(path, config)
+    skin = recorded_skin(path, config)
     rate = given.get("rate")
     frames = read_frames(path, skin.circuit, rate=rate, full_scale=given.get("full_scale"))
     _say_notes(path, frames.notes)
@@ -140,7 +135,7 @@ def _recording_of(path: str, folder: Path, config: str | None, given: dict) -> s
 def _export(path: str, out: Path, skin: SkinConfig, namespace: str) -> int:
     frames = read_frames(path, skin.circuit, namespace)
     _say_notes(path, frames.notes)
-    source = Recording(path, namespace) if Path(path).suffix.lower() == ".mcap" else frames
+    source = Recording(path, namespace) if is_recording(path) else frames
     export(source, frames, out)
     print(f"{out}: {len(frames.values)} frames")
     return 0
@@ -161,8 +156,8 @@ def _track(items, total: int):
 
 
 def _compare(job: Job, methods: list[str]) -> int:
-    n = Recording(job.path, job.namespace)
-    count = n.topics[n.adc_topic].count
+    source = Recording(job.path, job.namespace)
+    count = source.topics[source.adc_topic].count
     found = compare(job, methods, lambda steps: _track(steps, count))
     _say_notes(job.path, found.results[0].notes)
     print(table(found))

@@ -28,7 +28,6 @@ BOARDS = ("model", "firmware")
 
 
 def register(parser) -> None:
-    """Declare the arguments."""
     parser.add_argument(
         "--board", choices=BOARDS, default="model", help="what is simulated (default model)"
     )

@@ -29,7 +29,6 @@ EXAMPLES = (
 
 
 def register(parser) -> None:
-    """Declare the arguments."""
     parser.add_argument("--config", type=Path, help="parameter file with circuit and curve")
     parser.add_argument(
         "--out", type=Path, default=Path("weights"), help="folder (default weights)"

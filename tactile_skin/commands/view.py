@@ -38,7 +38,6 @@ def run(args) -> int:
 
 
 def register(parser) -> None:
-    """Declare the arguments."""
     parser.add_argument(
         "words", nargs="*", metavar="FILE | NAME:=VALUE", help="recording or launch file; arguments"
     )

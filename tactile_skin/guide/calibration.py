@@ -137,12 +137,13 @@ class Guide:
             frames.append(new)
             times.append(t + _LOOK / 2)
             t += _LOOK
-            if begun is None and self._touched(new):
+            if begun is not None:
+                if (t - begun) % _TELL < _LOOK:
+                    self._say(f"  {t - begun:.0f} s of {STANDS:.0f} s")
+            elif self._touched(new):
                 begun = t
-            elif begun is None and t > _PATIENCE:
+            elif t > _PATIENCE:
                 raise ValueError(f"nothing was laid on the skin for {_PATIENCE:.0f} s")
-            elif begun is not None and (t - begun) % _TELL < _LOOK:
-                self._say(f"  {t - begun:.0f} s of {STANDS:.0f} s")
         creep = measure_creep(np.array(frames), np.array(times), self._supposed, self.rest, curve)
         self.creep = creep
         self._say(

@@ -108,7 +108,7 @@ def glances(take: Take, reach: float = REACH) -> list[Glances]:
     ]
 
 
-def train(table: Table, about: dict, trees: int = TREES, seed: int = 0) -> GestureModel:
+def train(table: Table, about: dict, trees: int = TREES) -> GestureModel:
     """Train a recogniser.
 
     Args:
@@ -119,8 +119,8 @@ def train(table: Table, about: dict, trees: int = TREES, seed: int = 0) -> Gestu
         ModuleNotFoundError: scikit-learn is missing.
     """
     classes, label = np.unique(table.label, return_inverse=True)
-    sharpness = sharpness_of(table, left_out(table, trees, seed))
-    forest, logistic = fit(table, label, np.ones(len(label), bool), trees, seed)
+    sharpness = sharpness_of(table, left_out(table, trees))
+    forest, logistic = fit(table, label, np.ones(len(label), bool), trees)
     return GestureModel(tuple(map(str, classes)), forest, logistic, sharpness, about)
 
 
@@ -139,7 +139,7 @@ def sharpness_of(table: Table, shares: np.ndarray) -> float:
     return float(brentq(too_sure, low, high)) if too_sure(low) < 0.0 else low
 
 
-def left_out(table: Table, trees: int = TREES, seed: int = 0) -> np.ndarray:
+def left_out(table: Table, trees: int = TREES) -> np.ndarray:
     """Return (rows, classes) shares of each row by a forest and a line that knew not its person.
 
     Where a gesture is of one person only, by those that knew not its take.
@@ -149,7 +149,7 @@ def left_out(table: Table, trees: int = TREES, seed: int = 0) -> np.ndarray:
     shares = np.zeros((len(label), len(classes)))
     for group in np.unique(groups):
         out = groups == group
-        forest, logistic = fit(table, label, ~out, trees, seed)
+        forest, logistic = fit(table, label, ~out, trees)
         rows = table.features[out]
         trees_say = np.array([forest.shares(row) for row in rows])
         shares[out] = common(trees_say, logistic.shares(rows))

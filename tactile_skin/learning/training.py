@@ -26,6 +26,7 @@ _LEAK = 0.05
 _EVEN = 0.6
 # Mean load, a share of the curve's end, below which frames count alike: 0.2 N on 256 cells.
 _LIGHT = 0.2 / 256 / 9.8
+_RISE = 0.03  # share of the run in which the learning rate rises
 _USUAL = 0.03  # mean load of a frame that counts once
 
 
@@ -323,11 +324,11 @@ def _train_epoch(
     return total / config.pairs
 
 
-def _schedule(progress: float, rise: float = 0.03) -> float:
+def _schedule(progress: float) -> float:
     """Share of the highest learning rate at a share of the run."""
-    if progress < rise:
-        return progress / rise + 1e-3
-    return 0.5 * (1.0 + math.cos(math.pi * (progress - rise) / (1.0 - rise)))
+    if progress < _RISE:
+        return progress / _RISE + 1e-3
+    return 0.5 * (1.0 + math.cos(math.pi * (progress - _RISE) / (1.0 - _RISE)))
 
 
 def _optimizer(net, config: TrainingConfig):

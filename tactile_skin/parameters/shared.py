@@ -8,6 +8,7 @@ import inspect
 
 import numpy as np
 
+from ..board.protocol import MAX_LINES
 from ..fields import group, parameter
 from ..physics.adc import TABLES
 from ..physics.circuit import Circuit as _Circuit
@@ -28,9 +29,9 @@ class Circuit:
     """The board: docs/boards.md shows what yours is."""
 
     rows: int = parameter(
-        _Circuit.rows, "", "stripes in one direction; a frame is sent row by row", 1, 64
+        _Circuit.rows, "", "stripes in one direction; a frame is sent row by row", 1, MAX_LINES
     )
-    cols: int = parameter(_Circuit.cols, "", "stripes in the other direction", 1, 64)
+    cols: int = parameter(_Circuit.cols, "", "stripes in the other direction", 1, MAX_LINES)
     r_ref: float = parameter(
         _Circuit.r_ref, "ohm", "reference resistor of the voltage divider", 1.0, 1e7
     )

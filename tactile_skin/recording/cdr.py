@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import importlib
 import inspect
 from collections.abc import Iterator
 from typing import TypeVar
@@ -13,6 +12,7 @@ from typing import TypeVar
 import numpy as np
 
 from .. import msg
+from ..extras import load
 from ..middleware.ros.messages import from_ros
 from ..msg import Message
 
@@ -40,8 +40,9 @@ def mcap():
     Raises:
         ModuleNotFoundError: it is not installed.
     """
-    parts = [_imported(f"mcap.{part}") for part in _PARTS]
-    return importlib.import_module(parts[0].__package__)
+    for part in _PARTS:
+        _load(f"mcap.{part}")
+    return _load("mcap")
 
 
 def read_record(file):
@@ -59,17 +60,12 @@ def read_record(file):
 
 @functools.cache
 def _store():
-    typesys = _imported("rosbags.typesys")
+    typesys = _load("rosbags.typesys")
     return typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
 
 
-def _imported(module: str):
-    try:
-        return importlib.import_module(module)
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            f"recordings need {error.name}: pip install 'tactile_skin[record]'"
-        ) from error
+def _load(module: str):
+    return load(module, f"recordings need {module.partition('.')[0]}", "record")
 
 
 def check() -> None:

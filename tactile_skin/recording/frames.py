@@ -169,13 +169,22 @@ def _timed(found: Frames, rate: float | None) -> Frames:
     return found
 
 
-def recorded_skin(path) -> SkinConfig:
-    """Return the configuration that a recording was made with; of other files, all defaults.
+def is_recording(path) -> bool:
+    """Whether a file's name is that of a recording, and not of a foreign board's frames."""
+    return Path(path).suffix.lower() == ".mcap"
+
+
+def recorded_skin(path, config=None) -> SkinConfig:
+    """Return the configuration of a parameter file, or else what a recording was made with.
+
+    Of other files, all defaults.
 
     Raises:
         FileError, OSError: as Recording.
     """
-    return Recording(path).skin if Path(path).suffix.lower() == ".mcap" else read_skin()
+    if config is None and is_recording(path):
+        return Recording(path).skin
+    return read_skin(config)
 
 
 def _of_recording(recording: Recording, circuit: Circuit | None) -> Frames:

@@ -88,11 +88,9 @@ def _words(line: str, separator: str | None) -> list[str]:
     line = line.translate(_BRACKETS)
     if separator is None:
         return line.split()
-    if '"' in line:
-        words = next(csv.reader([line], delimiter=separator))
-        return [w.strip().replace(",", ".") for w in words]
-    words = line.split(separator)
-    return [w.strip().replace(",", ".") if separator != "," else w.strip() for w in words]
+    quoted = '"' in line
+    words = next(csv.reader([line], delimiter=separator)) if quoted else line.split(separator)
+    return [w.strip().replace(",", ".") for w in words]
 
 
 def sort_lines(lines: list[str]) -> tuple[list[Line], list[Line]]:

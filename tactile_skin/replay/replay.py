@@ -53,14 +53,13 @@ class Replay:
     The nodes have the parameters that they were recorded with. With these, each reading comes when
     the robot took it up (skin/taken): one that was late is skipped again, or given to the fast
     method again, and the pressure is the same to the bit, but for frames that timed out. With
-    another method, configuration or parameters, or in a recording without skin/taken, each reading
+    another method or configuration, or in a recording without skin/taken, each reading
     comes at its stamp, and none is late.
 
     Args:
         source: the recording.
         method: of the compensation, in place of the recorded one.
         config: parameter file, in place of all recorded parameters.
-        parameters: executable -> {parameter: value}, in place of theirs.
         begin, end: only what was recorded from begin to before end [ns since 1970].
 
     Attributes:
@@ -77,12 +76,11 @@ class Replay:
         source: Recording,
         method: str = "",
         config=None,
-        parameters=None,
         begin: int = 0,
         end: int = EVER,
     ):
         self._source, self._part = source, (begin, end)
-        self._as_taken = not (method or config or parameters)
+        self._as_taken = not (method or config)
         self._folder = tempfile.TemporaryDirectory(prefix="tactile_skin_")
         self.notes: list[str] = []
         self._writer: Writer | None = None
@@ -90,7 +88,6 @@ class Replay:
         plan = _plan(config)
         for action in plan.nodes:
             values = {} if config else self._recorded(action.executable)
-            values |= (parameters or {}).get(action.executable, {})
             if action.executable == "compensation":
                 values |= {"time_limit": _PATIENT} | ({"method": method} if method else {})
             action.give(values)

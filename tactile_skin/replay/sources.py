@@ -66,22 +66,12 @@ class Live:
         parameters = ParameterFile(source).overrides("/serial_driver") if source else []
         parameters += [Parameter(name, value) for name, value in overrides.items()]
         node = Node("serial_driver", context=self._context, parameter_overrides=parameters)
-        self._driver = SerialDriver(node)
+        self.driver = SerialDriver(node)
         listener = Node("calibrate", context=self._context, parameter_overrides=parameters)
         self._adc = adc_of(declared(listener, Shared).circuit)
         self._frames: list[np.ndarray] = []
         listener.create_subscription(Image, "skin/adc", self._on_adc, READING)
         self._executor.add_node(node, listener)
-
-    @property
-    def counters(self):
-        """What was seen of the link."""
-        return self._driver.counters
-
-    @property
-    def reconnects(self) -> int:
-        """How often the port was opened again."""
-        return self._driver.reconnects
 
     def _on_adc(self, msg: Image) -> None:
         self._frames.append(self._adc.ratio_of(image_array(msg)))
@@ -92,10 +82,10 @@ class Live:
         until, patience = time.monotonic() + seconds, time.monotonic() + seconds + _PATIENCE
         while time.monotonic() < until or not self._frames:
             if time.monotonic() > patience:
-                raise ValueError(f"no frame for {_PATIENCE:g} s: {self._driver.trouble}")
+                raise ValueError(f"no frame for {_PATIENCE:g} s: {self.driver.trouble}")
             time.sleep(0.02)
         return np.array(self._frames)
 
     def close(self) -> None:
         self._executor.shutdown()
-        self._driver.close()
+        self.driver.close()

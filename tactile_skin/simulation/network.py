@@ -59,10 +59,6 @@ class Wiring:
         """Return which stripe each address of the rows (0) or columns (1) selects."""
         return (self.rows, self.cols)[axis]
 
-    def leads(self, axis: int) -> np.ndarray:
-        """Return the resistance of each lead of the rows (0) or columns (1) [ohm]."""
-        return (self.row_lead, self.col_lead)[axis]
-
     def cut(self, axis: int, line: int, at: int) -> None:
         """Cut a stripe before its crossing `at`: its far part becomes a stripe of its own."""
         name = ("row_of", "col_of")[axis]

@@ -15,6 +15,7 @@ import numpy as np
 from ..physics.circuit import Circuit
 from ..physics.curve import GRAM
 from .bodies import bodies, pictures
+from .matrix import OVERSAMPLED
 from .people.hands import Person, perform
 from .people.mat import Mat
 
@@ -28,6 +29,7 @@ _PERSON = 203  # who makes them; the shipped recogniser has not seen this one
 _PITCH = 0.018  # m, of the mat that is touched
 _STEP = 0.01  # s between its pictures
 _PAUSE = 1.5  # s between two gestures
+_RAMP = 0.15  # s in which a part of the demo comes, and in which it goes
 _MEASURED = 2.0  # s at the begin in which the rest is measured
 
 
@@ -93,8 +95,8 @@ def read_out(circuit: Circuit, adc: np.ndarray, readout: str, rng: np.random.Gen
         return np.rint(steps) / circuit.full_scale
     if readout != "scan":
         raise ValueError(f"readout {readout!r}: must be one of {', '.join(READOUTS)}")
-    total = sum(np.rint(steps + rng.standard_normal(adc.shape)) for _ in range(4))
-    return np.clip(total / 4.0, 0.0, circuit.full_scale) / circuit.full_scale
+    total = sum(np.rint(steps + rng.standard_normal(adc.shape)) for _ in range(OVERSAMPLED))
+    return np.clip(total / OVERSAMPLED, 0.0, circuit.full_scale) / circuit.full_scale
 
 
 # --- scripted scenes: functions of time, for the simulated board ---------------------------------
@@ -113,11 +115,11 @@ def finger(rows: int, cols: int, row: float, col: float, newtons: float, width: 
     return newtons * shape / shape.sum()
 
 
-def _pulse(t: float, start: float, end: float, ramp: float = 0.15) -> float:
+def _pulse(t: float, start: float, end: float) -> float:
     """0 outside (start, end), 1 within, raised-cosine flanks [s]."""
     if not start < t < end:
         return 0.0
-    edge = min(t - start, end - t) / ramp
+    edge = min(t - start, end - t) / _RAMP
     return 1.0 if edge >= 1.0 else 0.5 - 0.5 * np.cos(np.pi * edge)
 
 

@@ -85,21 +85,6 @@ def _line(line: int, rows: int) -> tuple[int, int]:
     return (0, int(line)) if line < rows else (1, int(line) - rows)
 
 
-def expose(textile: Textile, circuit: Circuit, curve: PressureCurve, force, rng) -> np.ndarray:
-    """(rows, cols) ADC ratio of a matrix that is drawn for it, before noise and rounding."""
-    return textile.draw(circuit, curve, rng).ratio(np.asarray(force)[None])[0]
-
-
-def read(textile: Textile, circuit: Circuit, curve: PressureCurve, force, rng) -> np.ndarray:
-    """One frame as a board sends it: (rows, cols) ADC ratio, rounded, mean of 4 scans.
-
-    Args:
-        force: (rows, cols) [N], at the middle of the scan.
-    """
-    ratio = expose(textile, circuit, curve, force, rng)
-    return textile.converter(circuit).frame(ratio, rng)
-
-
 class Sample:
     """One board of a kind: its cells and its damage are the same in all frames."""
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from .snapshot import CONTACT, NodeStatus, Snapshot, lines_of
+from .snapshot import CONTACT, Snapshot, lines_of
 
 ENTRIES = 50  # that are kept
 _STEP = 0.1  # s of each point of the history
@@ -96,7 +96,8 @@ class Log:
         found: dict[tuple, tuple[str, str]] = {}
         for name, status in snapshot.nodes.items():
             if status.level and status.values.get("waiting") != "true":
-                found[("finding", name, *_places(status))] = name, status.message
+                places = lines_of(status, "rows"), lines_of(status, "cols")
+                found[("finding", name, *places)] = name, status.message
         if snapshot.stop:
             found[("stop",)] = "", snapshot.reason
         for key in self._open.keys() - found.keys():
@@ -158,7 +159,3 @@ class Log:
             "force": [round(point.force, 2) for point in self._points],
             "stop": [point.stop for point in self._points],
         }
-
-
-def _places(status: NodeStatus) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    return lines_of(status, "rows"), lines_of(status, "cols")

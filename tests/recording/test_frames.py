@@ -124,6 +124,13 @@ def test_gaps_and_times_that_do_not_rise_are_named(tmp_path):
     assert "1 gaps, the longest 1.01 s, the first after 0.03 s" in found.notes
 
 
+def test_times_of_a_clock_in_whole_seconds_are_spread(tmp_path):
+    lines = ["time_s," + ",".join("abcdef")] + [f"{k // 10},{k},2,3,4,5,6" for k in range(60)]
+    found = read_frames(text(tmp_path, lines), CIRCUIT)
+    np.testing.assert_allclose(found.times, np.arange(60) / 10)
+    assert "the clock is coarser than the frames: these are spread evenly" in found.notes
+
+
 @pytest.mark.parametrize(
     ("lines", "said"),
     [

@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 from support.kirchhoff import DIODES, adc_ratio, behind_diodes
 from support.lab.parts import Diode
+from support.troubled import expose
 
 from tactile_skin import Circuit, PressureCurve, forward
 from tactile_skin.physics.curve import GRAM
 from tactile_skin.simulation import scenes
 from tactile_skin.simulation.network import NOWHERE, Wiring, between_leads
-from tactile_skin.simulation.textile import Textile, expose
+from tactile_skin.simulation.textile import Textile
 
 CIRCUIT, CURVE = Circuit(), PressureCurve()
 SMALL = Circuit(5, 4)

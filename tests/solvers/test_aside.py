@@ -3,12 +3,12 @@
 
 import numpy as np
 import pytest
+from support import troubled
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.physics.curve import GRAM
 from tactile_skin.simulation import scenes
 from tactile_skin.simulation.textile import Textile
-from tactile_skin.simulation.textile import read as textile_read
 
 CIRCUIT, CURVE = Circuit(), PressureCurve()
 
@@ -115,7 +115,7 @@ def test_a_touch_that_moved_while_it_was_read_is_not_taken_for_bad_contacts():
     rng, wrong, believed = np.random.default_rng(31), 0, 0
     for force in scenes.sample("blobs", 40, 16, 16, rng):
         textile = Textile(noise=1.0, moving=rng.uniform(0.5, 2.0))
-        found = compensate(textile_read(textile, CIRCUIT, CURVE, force, rng), CIRCUIT, CURVE)
+        found = compensate(troubled.read(textile, CIRCUIT, CURVE, force, rng), CIRCUIT, CURVE)
         if np.abs(found.force - force).mean() > 30 * GRAM:
             wrong, believed = wrong + 1, believed + (found.status == "ok")
     assert wrong >= 10 and believed <= 1

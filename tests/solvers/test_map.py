@@ -7,13 +7,13 @@ from support.accuracy import accuracy
 from support.marks import slow
 from support.prior import family as by_family
 from support.prior import load as load_of
-from support.troubled import faulty
+from support.troubled import faulty, read
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.bench.troubles import EVERYDAY
 from tactile_skin.physics.curve import GRAM
 from tactile_skin.physics.readouts import PASSIVE
-from tactile_skin.simulation import scenes, textile
+from tactile_skin.simulation import scenes
 from tactile_skin.solvers import map as map_solver
 from tactile_skin.solvers import prior
 from tactile_skin.solvers.map import _gauss_newton
@@ -297,7 +297,7 @@ def test_a_palm_is_not_suspect_and_its_sum_is_right(shape, spread):
         force = np.exp(-(np.square(row - centre[0]) + np.square(col - centre[1])) / 2 / spread**2)
         force *= rng.uniform(5.0, 60.0) / force.sum()
         force = np.minimum(force, 9.0)
-        adc = textile.read(EVERYDAY, circuit, CURVE, force, rng)
+        adc = read(EVERYDAY, circuit, CURVE, force, rng)
         estimate = compensate(adc, circuit, CURVE)
         assert estimate.status == "ok", estimate.message
         assert estimate.force.sum() == pytest.approx(force.sum(), rel=0.08)

@@ -16,7 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..formats import Format
-from ..text import BEGINS, ENDS, TextFormat, TextParser
+from ..protocol import MAX_LINES
+from ..text import BEGINS, BLANKED, ENDS, LABEL, TextFormat, TextParser
 
 FEW = 4  # whole frames, at least, in a sample that makes sure
 _KINDS_SOUND = 0.9  # share of the blocks of lines that have the same size
@@ -30,7 +31,6 @@ _LIKE_BEFORE = 0.7
 _LIKE_BEFORE_UNMARKED = 0.5
 _SHOWN_LINES = 3  # lines of readings in a sample
 _RISING = 8  # lines from which on chance makes no number rise all the time
-_MOST_ROWS = 64  # of a board
 _MOST_IN_FRONT = 3  # numbers in front of readings, or behind them, that are none
 _CLASSES = 12  # different values, at most, of a last number that may be a class
 _TIME = re.compile(rb"(?:\d+-\d+-\d+[T ])?\d+:\d+:\d+(?:[.,]\d+)?|\d+-\d+-\d+")
@@ -41,12 +41,11 @@ _WORDS = re.compile(
     rb"(?P<rest>-?[\d.][^\s,;]* *[,;\t].*)$",
     re.DOTALL,
 )
-_LABELS = re.compile(rb'[\[{(\s]*"?[A-Za-z_][\w .]*"?(?:\[\d+\])?[ \t]*[:=]')
+_LABELS = re.compile(rb"[\[{(\s]*" + LABEL.pattern)
 _NUMBER = "\0"  # in a label: no board prints it in a line
 _INTEGER = re.compile(r"\d+")
 _NO_TEXT = re.compile("[^ -}]+")  # what differs from line to line, `~` in place of a time
 _NUMERIC = re.compile(rb"-?(?:\d+\.?\d*|\.\d+)|-|nan|NaN|NAN")
-_BRACKETS = b"[](){}<>"
 _LINE_ENDS = (b"\n", b"\r", b"#", b">", b"]", b"}", b"|", b"$", b"!")
 _SHOWN = 60  # characters of a sample in a message
 
@@ -127,7 +126,7 @@ def _take_apart(line: bytes) -> _Line | None:
     text = label.decode("ascii", "replace")
     lead = tuple(float(n) for n in _INTEGER.findall(text))
     text = _INTEGER.sub(_NUMBER, _NO_TEXT.sub("{skip}", text))
-    body = body.translate(bytes.maketrans(_BRACKETS, b" " * 8)).strip()
+    body = body.translate(BLANKED).strip()
     counts = {s: body.count(s) for s in (b",", b";", b"\t")}
     separator = max(counts, key=lambda mark: counts[mark]) if any(counts.values()) else b" "
     words = body.split() if separator == b" " else [w.strip() for w in body.split(separator)]
@@ -235,7 +234,7 @@ def _apart(values: np.ndarray, lag: int) -> float:
 
 def _repeats_after(values: np.ndarray) -> int:
     """After how many lines, more than one, a line comes again; 0: each is like the one before."""
-    most = min(_MOST_ROWS, len(values) // 3)
+    most = min(MAX_LINES, len(values) // 3)
     if most < 2:
         return 0
     apart = [_apart(values, lag) for lag in range(1, most + 1)]

@@ -19,7 +19,6 @@ then, in mine.yaml, gestures.model: mine.gestures.npz, and
 
 
 def register(parser) -> None:
-    """Declare the arguments."""
     steps = parser.add_subparsers(dest="step", required=True, metavar="STEP")
 
     def step(name: str, text: str):

@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from .events import over, turned
+from .events import over
 from .hands import pulse, ramp
-from .mat import FINE, Mat
+from .mat import Mat
 
 _SECONDS = (0.1, 8.0)  # of an event
 _FORCE = (0.4, 150.0)  # N
@@ -76,10 +76,7 @@ def _wanders(t: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 def _field(mat: Mat, grain: float, rng: np.random.Generator) -> np.ndarray:
     """Return (rows * FINE, cols * FINE) a random field of mean 0 and std 1."""
-    from scipy.ndimage import gaussian_filter  # here: most simulated boards feel no hands
-
-    noise = rng.standard_normal((mat.rows * FINE, mat.cols * FINE))
-    smooth = gaussian_filter(noise, grain / mat.pitch * FINE)
+    smooth = mat.noise(grain, rng)
     return (smooth - smooth.mean()) / smooth.std()
 
 
@@ -104,7 +101,7 @@ def anything(mat: Mat, seed: int, period: float) -> np.ndarray:
     stretch = np.exp(_STRETCH * _wander(t, rng) * (rng.random() < _CHANGES))
     out = np.zeros((len(t), mat.rows, mat.cols))
     for k in force.nonzero()[0]:
-        u, v = turned(mat, at + way[k], angle)
+        u, v = mat.around(at + way[k], angle)
         rim = np.abs(u / radii[0] / stretch[k]) ** corners
         rim = rim + np.abs(v / radii[1] / stretch[k]) ** corners
         field = np.cos(turn[k]) * one + np.sin(turn[k]) * other

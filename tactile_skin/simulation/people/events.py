@@ -20,12 +20,6 @@ def over(mat: Mat, shape: np.ndarray, force: np.ndarray) -> np.ndarray:
     return force[:, None, None] * cells / max(cells.sum(), 1e-9)
 
 
-def turned(mat: Mat, at: np.ndarray, angle: float) -> tuple[np.ndarray, np.ndarray]:
-    x, y = mat.points()
-    dx, dy = x - at[0], y - at[1]
-    return np.cos(angle) * dx + np.sin(angle) * dy, -np.sin(angle) * dx + np.cos(angle) * dy
-
-
 def _place(mat: Mat, rng: np.random.Generator) -> np.ndarray:
     return mat.size * rng.uniform(0.2, 0.8, 2)
 
@@ -41,7 +35,7 @@ def _body(mat: Mat, t, force, rng: np.random.Generator, rocking: float) -> np.nd
     sway = rocking * np.sin(2 * np.pi * rng.uniform(0.2, 0.7) * t + rng.uniform(0.0, 6.0))
     out = np.zeros((len(t), mat.rows, mat.cols))
     for k in force.nonzero()[0]:
-        u, v = turned(mat, at + np.array([sway[k], 0.0]), angle)
+        u, v = mat.around(at + np.array([sway[k], 0.0]), angle)
         shape = np.maximum(1.0 - (u / radii[0]) ** 2 - (v / radii[1]) ** 2, 0.0)
         out[k] = over(mat, np.sqrt(shape) * cloth, force[k : k + 1])[0]
     return out
@@ -68,7 +62,7 @@ def _sit(mat: Mat, rng: np.random.Generator, period: float) -> np.ndarray:
 
 
 def _box(mat: Mat, rng: np.random.Generator, size, angle: float, tilt: float) -> np.ndarray:
-    u, v = turned(mat, _place(mat, rng), angle)
+    u, v = mat.around(_place(mat, rng), angle)
     slope = rng.normal(0.0, tilt, 2)
     inside = (np.abs(u) < size[0] / 2) & (np.abs(v) < size[1] / 2)
     return inside * np.clip(1.0 + slope[0] * u / size[0] + slope[1] * v / size[1], 0.05, None)
@@ -114,7 +108,7 @@ def _cloth(mat: Mat, rng: np.random.Generator, period: float) -> np.ndarray:
     folds, total = texture(mat, 1.2, rng), np.exp(rng.uniform(-1.0, 1.2))
     out = np.zeros((len(t), mat.rows, mat.cols))
     for k, now in enumerate(t):
-        u, v = turned(mat, at + drift * now, 0.0)
+        u, v = mat.around(at + drift * now, 0.0)
         shape = np.maximum(1.0 - (u / 0.09) ** 2 - (v / 0.05) ** 2, 0.0)
         flutter = 1.0 + 0.6 * np.sin(2 * np.pi * 1.3 * now) + 0.3 * rng.standard_normal()
         moved = np.roll(folds, int(now / 0.06) * (FINE - 2), 1)

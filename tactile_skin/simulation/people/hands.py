@@ -130,14 +130,10 @@ def pressed(
     skin = texture(mat, person.rough, rng)
     tremor = person.tremor * np.cumsum(rng.standard_normal((steps, 2)), 0) / np.sqrt(10.0)
     force = hand.force * (1.0 + person.unsteady * _fluctuation(steps, period, rng))
-    x, y = mat.points()
-    sin, cos = np.sin(hand.angle), np.cos(hand.angle)
     pads = np.array(POSES[hand.pose])
     pads[:, :2] -= np.average(pads[:, :2], axis=0, weights=pads[:, 4])
     for k in hand.force.nonzero()[0]:
-        at = hand.at[k] + tremor[k]
-        dx, dy = x - at[0], y - at[1]
-        u, v = cos * dx + sin * dy, -sin * dx + cos * dy
+        u, v = mat.around(hand.at[k] + tremor[k], hand.angle)
         if person.left:
             u = -u
         picture = np.zeros(skin.shape)

@@ -29,6 +29,20 @@ class Mat(NamedTuple):
         y = (np.arange(self.rows * FINE) + 0.5) * self.pitch / FINE
         return x[None], y[:, None]
 
+    def around(self, at: np.ndarray, angle: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return the points seen from `at` (2,), turned by an angle [rad]: along, across [m]."""
+        x, y = self.points()
+        dx, dy = x - at[0], y - at[1]
+        sin, cos = np.sin(angle), np.cos(angle)
+        return cos * dx + sin * dy, -sin * dx + cos * dy
+
+    def noise(self, grain: float, rng: np.random.Generator) -> np.ndarray:
+        """Return (rows * FINE, cols * FINE) noise that varies over a length [m]."""
+        from scipy.ndimage import gaussian_filter  # here: most simulated boards feel no hands
+
+        white = rng.standard_normal((self.rows * FINE, self.cols * FINE))
+        return gaussian_filter(white, grain / self.pitch * FINE)
+
     def cells(self, picture: np.ndarray) -> np.ndarray:
         """Return (rows, cols) sums over the points of each cell."""
         return picture.reshape(self.rows, FINE, self.cols, FINE).sum((1, 3))
@@ -36,8 +50,5 @@ class Mat(NamedTuple):
 
 def texture(mat: Mat, rough: float, rng: np.random.Generator) -> np.ndarray:
     """Return (rows * FINE, cols * FINE) factors of the pressure, of mean 1 and std `rough`."""
-    from scipy.ndimage import gaussian_filter  # here: most simulated boards feel no hands
-
-    noise = rng.standard_normal((mat.rows * FINE, mat.cols * FINE))
-    smooth = gaussian_filter(noise, _TEXTURE / mat.pitch * FINE)
+    smooth = mat.noise(_TEXTURE, rng)
     return np.clip(1.0 + rough * smooth / smooth.std(), 0.1, None)

@@ -44,8 +44,9 @@ def _open(axis: int):
 
 
 def _lead(board: FaultBoard) -> None:
-    axis = _axis(board)
-    board.matrix.wiring.leads(axis)[_pick(board, axis)] = 1000.0  # ohm
+    axis, wiring = _axis(board), board.matrix.wiring
+    leads = (wiring.row_lead, wiring.col_lead)[axis]
+    leads[_pick(board, axis)] = 1000.0  # ohm
 
 
 def _broken(board: FaultBoard) -> None:
