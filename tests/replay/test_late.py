@@ -106,7 +106,7 @@ def test_late_readings_are_replayed_to_the_bit(found):
 def test_another_method_takes_every_reading_in_time(found):
     replay = Replay(found, method="auto")
     assert [step.stamp for step in replay] == found.stamps.tolist()
-    assert replay.driven.nodes["compensation"].skin.taken["fixed_point"] == 4  # two touches begin
+    assert replay.driven.nodes["compensation"].skin.taken["fixed_point"] == 8  # four touches begin
 
 
 @pytest.mark.ci
