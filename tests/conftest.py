@@ -33,6 +33,8 @@ def pytest_addoption(parser):
 def pytest_configure(config):
     # An exception that ends a thread fails the test that started the thread.
     config.addinivalue_line("filterwarnings", "error::pytest.PytestUnhandledThreadExceptionWarning")
+    if config.option.markexpr == "ci":
+        config.option.markexpr = "ci and not slow"  # a case of a long test may be slow
     if getattr(config.option, "dist", "no") == "load":
         config.option.dist = "loadscope"  # what a module prepares for its tests is prepared once
 

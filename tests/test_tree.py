@@ -4,9 +4,8 @@
 import ast
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
-
-import pytest
 
 PACKAGE = Path(__file__).parents[1] / "tactile_skin"
 # Each folder, or module of the root, and those that it may import; itself and errors always.
@@ -66,6 +65,7 @@ def place(path: Path) -> str:
     return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
 
 
+@cache
 def imports(path: Path) -> tuple[set[str], set[str]]:
     """Places of ours, and top-level names of others, that a module imports."""
     ours, others = set(), set()
@@ -90,22 +90,27 @@ def imports(path: Path) -> tuple[set[str], set[str]]:
     return ours, others
 
 
-@pytest.mark.parametrize("path", MODULE_PATHS, ids=lambda p: p.relative_to(PACKAGE).as_posix())
-def test_a_module_imports_only_what_its_folder_may(path):
+def forbidden(path: Path) -> set[str]:
+    """What a module imports that it may not."""
     here = place(path)
     allowed = MAY[here]
     ours, others = imports(path)
+    wrong: set[str] = set()
     if allowed is not None:
-        assert ours - {here, "__init__", "errors"} <= set(allowed.split())
-        if here not in ("__init__", "__main__"):
-            version = "__version__"
-            assert "__init__" not in ours or version in path.read_text()
+        wrong |= ours - {here, "__init__", "errors", *allowed.split()}
+        if here not in ("__init__", "__main__") and "__version__" not in path.read_text():
+            wrong |= ours & {"__init__"}
     elif here != "cli":
-        assert "cli" not in ours
+        wrong |= ours & {"cli"}
     if here in PURE.split():
-        assert not others & WORLD
-        name = path.relative_to(PACKAGE).with_suffix("").as_posix()
-        assert "threading" not in others or name in THREADS
+        wrong |= others & WORLD
+        if path.relative_to(PACKAGE).with_suffix("").as_posix() not in THREADS:
+            wrong |= others & {"threading"}
+    return wrong
+
+
+def test_a_module_imports_only_what_its_folder_may():
+    assert {path: wrong for path in MODULE_PATHS if (wrong := forbidden(path))} == {}
 
 
 def test_every_place_is_known():
@@ -148,17 +153,14 @@ def test_nothing_imports_a_benchmark_but_its_own_tests():
 FOLDERS = sorted({p.parent for p in (*MODULE_PATHS, *BENCHMARKS)})
 
 
-@pytest.mark.parametrize("folder", FOLDERS, ids=lambda p: p.name)
-def test_no_folder_is_crowded(folder):
-    modules = [p.name for p in folder.glob("*.py") if p.name != "__init__.py"]
-    assert len(modules) <= MODULES, modules
+def test_no_folder_is_crowded():
+    modules = {f: [p.name for p in f.glob("*.py") if p.name != "__init__.py"] for f in FOLDERS}
+    assert {f: names for f, names in modules.items() if len(names) > MODULES} == {}
 
 
-@pytest.mark.parametrize(
-    "path", (*SOURCES, *BENCHMARKS), ids=lambda p: p.relative_to(ROOT).as_posix()
-)
-def test_no_module_is_long(path):
-    assert len(path.read_text().splitlines()) <= LINES + 1  # and its license
+def test_no_module_is_long():
+    lines = {path: len(path.read_text().splitlines()) for path in (*SOURCES, *BENCHMARKS)}
+    assert {path: n for path, n in lines.items() if n > LINES + 1} == {}  # and its license
 
 
 def test_each_module_names_its_license_first():
@@ -167,15 +169,17 @@ def test_each_module_names_its_license_first():
     assert len(paths) > 500 and not bare
 
 
-@pytest.mark.parametrize("folder", PURE.split())
-def test_a_pure_folder_works_without_pyyaml(folder):
-    """No module of it, nor what it imports, imports yaml: only reading a YAML file does."""
+def test_pure_folders_work_without_pyyaml():
+    """No module of theirs, nor what it imports, imports yaml: only reading a YAML file does."""
     modules = [
         ".".join(["tactile_skin", *path.relative_to(PACKAGE).with_suffix("").parts])
         for path in MODULE_PATHS
-        if place(path) == folder and "torch" not in imports(path)[1]
+        if place(path) in PURE.split() and "torch" not in imports(path)[1]
     ]
-    code = f"import sys, {', '.join(modules)}; sys.exit('yaml' in sys.modules)"
+    lines = ["import sys"]
+    for name in modules:
+        lines += [f"import {name}", f"if 'yaml' in sys.modules: sys.exit('{name} imports yaml')"]
+    code = "\n".join(lines)
     subprocess.run([sys.executable, "-c", code], check=True, cwd=PACKAGE.parent, timeout=60)
 
 

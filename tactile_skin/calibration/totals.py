@@ -8,6 +8,7 @@ gain leaves it at 1 (docs/derivation.md).
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -62,10 +63,10 @@ class Totals(NamedTuple):
         """By the most probable step, scatter and noise."""
         return max(
             (
-                self.solve(noise, scatter, step)
+                fit
                 for noise in _NOISES
                 for scatter in _SCATTERS
-                for step in _STEPS
+                for fit in self._fits(noise, scatter, _STEPS)
             ),
             key=lambda fit: fit.evidence,
         )
@@ -76,6 +77,10 @@ class Totals(NamedTuple):
 
     def solve(self, noise: float, scatter: float, step: float) -> Fit:
         """Nonnegative least squares, of totals that err together as their cells do."""
+        return next(self._fits(noise, scatter, (step,)))
+
+    def _fits(self, noise: float, scatter: float, steps: tuple[float, ...]) -> Iterator[Fit]:
+        """Yield what `solve` returns for each step; they share the totals' covariance."""
         from scipy.optimize import nnls  # here: it takes 0.2 s, and a running skin does without
 
         (n, k), data = self.data.shape, self.data
@@ -83,19 +88,21 @@ class Totals(NamedTuple):
         factor = cho_factor(covariance, lower=True)
         level = _level(data)
         white = solve_triangular(factor[0], np.column_stack([data * level, np.ones(n)]), lower=True)
-        smooth = np.diff(np.eye(k), axis=0) / step
-        root = np.vstack([white[:, :k], smooth, np.eye(1, k) / _LEVEL])  # of slopes over the level
+        between, first = np.diff(np.eye(k), axis=0), np.eye(1, k) / _LEVEL
         goal = np.concatenate([white[:, k], np.zeros(k - 1), [1.0 / _LEVEL]])
         least = np.full(k, _LEAST)
-        slope, left = nnls(root, goal - root @ least)
-        slope = level * (least + slope)
-        log_det = np.linalg.slogdet(root.T @ root)[1]
-        evidence = -0.5 * (left**2 + log_det) - (k - 1) * np.log(step)
-        evidence -= np.log(factor[0].diagonal()).sum()
-        evidence -= 0.5 * (np.log(noise / _USUAL_NOISE) / _SPREAD) ** 2
-        evidence -= 0.5 * (np.log(scatter / _USUAL_SCATTER) / _SPREAD) ** 2
-        left_over = cho_solve(factor, 1.0 - data @ slope)
-        return Fit(self, slope, root / level, factor, left_over, evidence, noise, scatter, step)
+        half_log_det = np.log(factor[0].diagonal()).sum()
+        for step in steps:
+            root = np.vstack([white[:, :k], between / step, first])  # of slopes over the level
+            slope, left = nnls(root, goal - root @ least)
+            slope = level * (least + slope)
+            log_det = np.linalg.slogdet(root.T @ root)[1]
+            evidence = -0.5 * (left**2 + log_det) - (k - 1) * np.log(step)
+            evidence -= half_log_det
+            evidence -= 0.5 * (np.log(noise / _USUAL_NOISE) / _SPREAD) ** 2
+            evidence -= 0.5 * (np.log(scatter / _USUAL_SCATTER) / _SPREAD) ** 2
+            left_over = cho_solve(factor, 1.0 - data @ slope)
+            yield Fit(self, slope, root / level, factor, left_over, evidence, noise, scatter, step)
 
 
 class Fit(NamedTuple):

@@ -47,11 +47,13 @@ class Fabric:
         more = (1.0 / curve.resistance(force) - 1.0 / curve.rest_resistance) * beyond * self.gain
         for cell, siemens in self.pressed.items():
             more[(slice(None), *cell)] = siemens
-        padded = np.pad(more, ((0, 0), (1, 1), (1, 1)))
-        around = padded[:, :-2, 1:-1] + padded[:, 2:, 1:-1]
-        around += padded[:, 1:-1, :-2] + padded[:, 1:-1, 2:]
-        g = factor * (self.rest + more + self.lateral * around)
-        return np.where(self.populated, g, 0.0)
+        conducted = self.rest + more
+        if self.lateral:
+            padded = np.pad(more, ((0, 0), (1, 1), (1, 1)))
+            around = padded[:, :-2, 1:-1] + padded[:, 2:, 1:-1]
+            around += padded[:, 1:-1, :-2] + padded[:, 1:-1, 2:]
+            conducted += self.lateral * around
+        return np.where(self.populated, factor * conducted, 0.0)
 
 
 def resting_curve(curve: PressureCurve, shape: tuple[int, int], seed: int) -> PressureCurve:

@@ -64,14 +64,14 @@ def _period(data: bytes) -> tuple[int, int]:
     for pair, n in Counter(pairs.tolist()).most_common(256):
         if n < _REPEATS:
             break
-        places = np.flatnonzero(pairs == pair)
+        here = pairs == pair
+        places = np.flatnonzero(here)
         period, often = Counter(np.diff(places).tolist()).most_common(1)[0]
         if often < _REPEATS - 1 or not _SHORTEST <= period <= _LONGEST:
             continue
-        here = set(places.tolist())
         chain = max(
-            (sum(p in here for p in range(int(s), len(data) - 1, period)), -int(s))
-            for s in places[:_MARKS]
+            (int(np.count_nonzero(here[start::period])), -start)
+            for start in places[:_MARKS].tolist()
         )
         share = chain[0] * period / len(data)
         # what stands in every packet and nowhere else is its head; zeros are high bytes

@@ -73,7 +73,7 @@ def diagnose(
     if finding := sent.processed(seen):
         return [finding]
     finding = unrested(seen) if rest is None else None
-    if finding and not (sent.at_an_end(seen) or readings.wrong_bits(seen)):
+    if finding and not (sent.at_an_end(seen) or readings.wrong_bits(seen, readings.ceiling(seen))):
         turned = record(1.0 - frames, circuit, None)  # upside down, the calmest are the hardest
         return (not unrested(turned) and _upside_down(seen, turned, inverted)) or [finding]
     found = _diagnose(seen, series)
@@ -123,7 +123,8 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
     named = fitting and any(c.circuit.r_par == circuit.r_par for c in fitting.changes)
     if fitting and named and not fitting.of_own_cells:
         return [fitting.finding(circuit)]
-    if bits := readings.wrong_bits(seen):
+    top = readings.ceiling(seen)
+    if bits := readings.wrong_bits(seen, top):
         return bits
     votes = order.transposed(seen)
     if votes and (change := _other_way(seen, touched)):
@@ -133,7 +134,7 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
     if fitting and named and not votes:  # touches that are torn add up to what no network reads
         return [fitting.finding(circuit)]
     unexplained = [fitting.finding(circuit)] if fitting else []
-    height, *found = readings.ceiling(seen) or (np.inf,)
+    height, *found = top or (np.inf,)
     unusable: set[tuple[int, int]] = set()  # (axis, line) whose readings say nothing of the fabric
     for check in damaged.CHECKS:
         new = check(seen, unusable)

@@ -47,15 +47,19 @@ _TOUCHED_SELDOM = 0.9  # of the frames in which an open line reads no more
 _LOOSE = 0.25  # of all lines at most come and go: more are touches on a skin that never rests
 
 
-def wrong_bits(seen: Recorded) -> list[Finding]:
-    """Return bits of the ADC that never change: by the readings that lack, or by noise at rest."""
-    return _stuck_bits(seen) or _leaping_bit(seen)
+def wrong_bits(seen: Recorded, top: tuple[float, Finding] | None) -> list[Finding]:
+    """Return bits of the ADC that never change: by the readings that lack, or by noise at rest.
+
+    Args:
+        top: the recording's `ceiling`.
+    """
+    return _stuck_bits(seen, top) or _leaping_bit(seen)
 
 
-def _stuck_bits(seen: Recorded) -> list[Finding]:
+def _stuck_bits(seen: Recorded, top: tuple[float, Finding] | None) -> list[Finding]:
     """Return bits whose other value would put readings where there are hardly any."""
     every, base = seen.steps[:, seen.read], seen.base[seen.read]
-    if top := ceiling(seen):  # what piles up there lies beside a gap by chance
+    if top:  # what piles up there lies beside a gap by chance
         every = np.where(every < top[0] - seen.width, every, base)
     new = every[seen.anew]
     moves = np.abs(np.diff(every, axis=0, prepend=every[:1]))
@@ -69,10 +73,16 @@ def _stuck_bits(seen: Recorded) -> list[Finding]:
     found, bits = [], seen.circuit.adc_bits
     # Where other cells lower readings, as on a grounded matrix, few reach the top bit, but some do.
     lacking = not (every > (1 << bits - 1) + width).any()  # the top bit, throughout
+    histograms: dict[int, list[np.ndarray]] = {}  # of high bits they are the same
     for bit in range(_LOWEST_BIT, bits):
         low = bit <= _HIGHEST_LOW_BIT
         below = (new < (1 << bit) - width).mean() > _EMPTY
-        of = [_gaps(steps, base, bit, bits) for steps in (every, new, every if low else standing)]
+        rest = _rest_of(bit)
+        if rest not in histograms:
+            histograms[rest] = [_moved(s, base, rest, bits) for s in (every, new, standing)]
+        all_moved, new_moved, standing_moved = histograms[rest]
+        still_moved = all_moved if low else standing_moved
+        of = [_gaps(moved, bit) for moved in (all_moved, new_moved, still_moved)]
         for kept, (all_, once, still) in enumerate(zip(*of, strict=True)):
             if kept and below:
                 continue  # a bit that is always 1 leaves no reading below it
@@ -112,7 +122,8 @@ def _leaping_bit(seen: Recorded) -> list[Finding]:
         return []
     bit, noise = found
     every, base = seen.steps[:, seen.read], seen.base[seen.read]
-    zero, one = _gaps(every, base, bit, seen.circuit.adc_bits)  # both ends' leaps look alike
+    moved = _moved(every, base, _rest_of(bit), seen.circuit.adc_bits)
+    zero, one = _gaps(moved, bit)  # both ends' leaps look alike
     numbers = {"bit": bit, "kept": one.share < zero.share, "noise": noise, "width": 1 << bit}
     return [Finding(Kind.BITS, "leaps", numbers=numbers)]
 
@@ -125,20 +136,33 @@ class _Gap(NamedTuple):
     empty: bool  # whether there is next to none within
 
 
-def _gaps(steps: np.ndarray, base: np.ndarray, bit: int, bits: int) -> list[_Gap]:
-    """Return the gap of a bit that is always 0, and of one that is always 1."""
+def _rest_of(bit: int) -> int:
+    """ADC steps about its rest in which a reading does not count for a bit."""
+    return min(2 << bit, _AT_REST)
+
+
+def _moved(steps: np.ndarray, base: np.ndarray, rest: int, bits: int) -> np.ndarray:
+    """Return how many readings there are at each step, (2^bits,), without those about rest."""
     # At rest all readings are in one place, which may be the edge of a gap.
-    moved = steps[np.abs(steps - base) > min(2 << bit, _AT_REST)]
+    moved = steps[np.abs(steps - base) > rest]
     counts = np.clip(np.rint(moved), 0, (1 << bits) - 1).astype(np.int32)
-    histogram = np.bincount(counts, minlength=1 << bits).astype(float)
+    return np.bincount(counts, minlength=1 << bits).astype(float)
+
+
+def _gaps(moved: np.ndarray, bit: int) -> list[_Gap]:
+    """Return the gap of a bit that is always 0, and of one that is always 1.
+
+    Args:
+        moved: how many readings there are at each step.
+    """
     margin = min((1 << bit) // 4, 4)  # noise at a block's ends
-    each = histogram.reshape(-1, 1 << bit)[:, margin : (1 << bit) - margin].sum(1)
+    each = moved.reshape(-1, 1 << bit)[:, margin : (1 << bit) - margin].sum(1)
     found = []
     for kept in (0, 1):
         gap, beside = each[1 - kept :: 2], each[kept::2]
         inner = gap[1:] if kept else gap[:-1]  # those between two others
         near = float(np.minimum(beside[:-1], beside[1:]).sum())
-        empty = bool(counts.size and gap.sum() <= _EMPTY * each.sum())
+        empty = bool(moved.any() and gap.sum() <= _EMPTY * each.sum())
         found.append(_Gap(near, float(inner.sum() / max(near, 1.0)), empty))
     return found
 

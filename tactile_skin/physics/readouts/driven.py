@@ -93,12 +93,14 @@ class Driven(Readout):
         rows, g = self._rows, self._g
         matrix = np.zeros((self._lines, self._lines))
         matrix[rows:, :rows] = -g.T
-        ends = np.r_[g.sum(1) + at_drive, g.sum(0) + 1.0 / self._load]
+        ends = np.concatenate([g.sum(1) + at_drive, g.sum(0) + 1.0 / self._load])
         ends[ends == 0.0] = 1.0  # a driven line without a cell: nothing reaches another
         matrix.flat[:: self._lines + 1] = ends
         factor, _ = lapack.dpotrf(matrix, lower=1, overwrite_a=1)
         k: Floats = lapack.dpotri(factor, lower=1, overwrite_c=1)[0]
-        k += np.tril(k, -1).T
+        own = k.diagonal().copy()
+        k += k.T  # above the diagonal both routines leave 0
+        k.flat[:: self._lines + 1] = own
         return k
 
     def _turn(self, picture: Floats) -> Floats:

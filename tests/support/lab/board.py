@@ -149,7 +149,7 @@ class FaultBoard:
             drop = 6 - self.fraction_bits
             samples = (sample + (1 << drop >> 1)) >> drop
         elif self.readout == "mean of 4":
-            samples = np.mean(self._recent, 0) * 2**self.fraction_bits
+            samples = sum(self._recent) / len(self._recent) * 2**self.fraction_bits
             samples = np.where(self.kept, sample << self.fraction_bits, np.rint(samples))
         else:
             samples = sample << self.fraction_bits

@@ -2,6 +2,7 @@
 """What strangers' sketches print of a picture, and what a UART makes of it at another rate."""
 
 import struct
+from bisect import bisect_left
 
 import numpy as np
 
@@ -165,12 +166,15 @@ def received(data: bytes, sent_at: int, read_at: int) -> bytes:
     bits = np.ones((len(data), 10), np.uint8)
     bits[:, 0] = 0
     bits[:, 1:9] = np.unpackbits(np.frombuffer(data, np.uint8)[:, None], axis=1, bitorder="little")
-    line, out, t, width = bits.ravel(), bytearray(), 0.0, sent_at / read_at
+    line, heard, t, width = bits.ravel(), [], 0.0, sent_at / read_at
     falls = np.flatnonzero((line[:-1] == 1) & (line[1:] == 0)) + 1
+    middles = width * (1.5 + np.arange(8))
+    starts, k = falls.tolist(), 0
     while True:
-        k = np.searchsorted(falls, t)
-        if k == len(falls) or falls[k] + 10 * width >= len(line):
-            return bytes(out)
-        at = (falls[k] + width * (1.5 + np.arange(8))).astype(int)
-        out.append(int(np.packbits(line[at], bitorder="little")[0]))
-        t = falls[k] + 9.5 * width
+        k = bisect_left(starts, t, k)
+        if k == len(starts) or starts[k] + 10 * width >= len(line):
+            break
+        heard.append(starts[k])
+        t = starts[k] + 9.5 * width
+    at = (np.array(heard, int)[:, None] + middles).astype(int)
+    return np.packbits(line[at], axis=1, bitorder="little").tobytes()
