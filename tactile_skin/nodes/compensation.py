@@ -41,8 +41,9 @@ class Compensation:
     forgets the last frame, from which the next one starts; `~/tare` measures the rest anew, as at
     the start, and is refused while something presses or a fault is kept. Behind by 10 ms, `auto`
     hurries: it takes the fixed point under a touch, which says nothing of the circuit; ten frames a
-    second are fitted in full all the same. So it does for the first 25 ms of each touch. Behind by half of what the stop bears, old frames are
-    skipped to come to the new ones, and diagnostics count them.
+    second are fitted in full all the same. So it does for the first 25 ms of each touch. Behind by
+    half of what the stop bears, old frames are skipped to come to the new ones, and diagnostics
+    count them.
     What a standing load gains by creep is taken out of what is published, if the curve says how
     much, and of nothing else.
     """
