@@ -8,6 +8,7 @@ gain leaves it at 1 (docs/derivation.md).
 
 from __future__ import annotations
 
+import itertools
 from typing import NamedTuple
 
 import numpy as np
@@ -22,8 +23,7 @@ _USUAL_SCATTER = 0.1
 _USUAL_NOISE = 0.012
 _SPREAD = 0.7  # standard deviation of the logarithm of both
 _LEVEL = 0.5  # standard deviation of the first slope over the median level
-_LEAST = 0.02  # times the median level that a slope has at least: the curve must rise
-_LEAST_GAIN = 0.2  # of a cell that conducts at all
+LEAST = 0.02  # times the usual one that a slope, a gain and a total have at least: all are above 0
 
 
 class Totals(NamedTuple):
@@ -60,15 +60,8 @@ class Totals(NamedTuple):
 
     def explained(self) -> Fit:
         """By the most probable step, scatter and noise."""
-        return max(
-            (
-                self.solve(noise, scatter, step)
-                for noise in _NOISES
-                for scatter in _SCATTERS
-                for step in _STEPS
-            ),
-            key=lambda fit: fit.evidence,
-        )
+        tried = itertools.product(_NOISES, _SCATTERS, _STEPS)
+        return max((self.solve(*given) for given in tried), key=lambda fit: fit.evidence)
 
     def stiff(self) -> Fit:
         """Bent to no single total."""
@@ -86,7 +79,7 @@ class Totals(NamedTuple):
         smooth = np.diff(np.eye(k), axis=0) / step
         root = np.vstack([white[:, :k], smooth, np.eye(1, k) / _LEVEL])  # of slopes over the level
         goal = np.concatenate([white[:, k], np.zeros(k - 1), [1.0 / _LEVEL]])
-        least = np.full(k, _LEAST)
+        least = np.full(k, LEAST)
         slope, left = nnls(root, goal - root @ least)
         slope = level * (least + slope)
         log_det = np.linalg.slogdet(root.T @ root)[1]
@@ -125,14 +118,12 @@ class Fit(NamedTuple):
     def gain(self) -> np.ndarray:
         """(cells,) of each cell, of which the usual one has 1."""
         added = self.scatter**2 * self.totals.shares.T @ self.left
-        return np.maximum(1.0 + added, _LEAST_GAIN)
+        return np.maximum(1.0 + added, LEAST)
 
     def of(self, new: Totals) -> np.ndarray:
         """(m,) what other objects weigh, over the weight that they are given."""
-        return (
-            new.data @ self.slope
-            + self.scatter**2 * (new.shares @ self.totals.shares.T) @ self.left
-        )
+        by_gain = self.scatter**2 * (new.shares @ self.totals.shares.T) @ self.left
+        return new.data @ self.slope + by_gain
 
     def std(self, new: Totals) -> float:
         """Of the mean of the same."""
