@@ -40,7 +40,8 @@ TOLD = {"r_par": 0.03, "r_line": 4.0, "r_drive": 4.0}  # the same, below which i
 _EVIDENT = 8.0
 _FAR = 0.5
 FEWEST = 3  # frames; with fewer one odd touch decides
-_STOPPED = 4  # readings of touches at the same largest height: the converter's end
+SURE = 5.0  # standard deviations by which the configuration must be wrong
+SHELF = 4  # readings of touches at the same largest height: the converter's end
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +102,7 @@ def _converter_end(frames, circuit: Circuit) -> tuple[float, int]:
     """
     top = np.nanmax(frames, initial=0.0)
     stopped = frames > top - 0.5 / circuit.full_scale
-    if np.count_nonzero(stopped) < _STOPPED or np.count_nonzero(stopped.any((1, 2))) < 2:
+    if np.count_nonzero(stopped) < SHELF or np.count_nonzero(stopped.any((1, 2))) < 2:
         stopped, top = frames > 1.0 - 0.5 / circuit.full_scale, 1.0
     return float(top), int(np.count_nonzero(stopped))
 
@@ -155,13 +156,7 @@ class Solution(NamedTuple):
 def _solve_frames(
     frames, circuit: Circuit, rest: Rest, off, hard: float, end: float
 ) -> Solution | None:
-    """Return what all frames say together; None: fewer than `FEWEST` say anything.
-
-    Args:
-        off: to begin with.
-        hard: HARD or SOFT.
-        end: ADC ratio at which the converter ends.
-    """
+    """Return what all frames say together, from `off` on; None: fewer than `FEWEST` tell."""
     noise, rounds = max(rest.noise, ROUNDING_NOISE), []
     for _ in range(_ROUNDS):
         now = shifted(circuit, off)
@@ -264,11 +259,7 @@ def _unknown_rest(rest: Rest, supposed: Supposed) -> np.ndarray:
 
 
 def _identified(circuit: Circuit, solution: Solution, ended: int) -> Identified:
-    """Return what was identified, in numbers and words.
-
-    Args:
-        ended: readings that are at the converter's end.
-    """
+    """Return what was identified, in numbers and words; `ended` readings are at the ADC's end."""
     off, information, std, frames = solution
     r_par, other = (TOLD[name] for name in names(circuit))
     limits = np.array([r_par * series_scale(circuit), other])

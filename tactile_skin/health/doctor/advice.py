@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...calibration.rest import UNLIKE, resting_conductance
+from ...calibration.rest import REST_SPAN, UNLIKE, resting_conductance
 from ...calibration.touched import AT_REST, TOUCHED
 from ...physics.circuit import Circuit
 from ...physics.curve import PressureCurve
@@ -24,7 +24,6 @@ _SEEN = 0.3  # of the largest change of a reading, in a frame that shows a touch
 _HARD = 0.8  # the same, of a hard touch
 HARDEST = 12  # touches that a circuit is tried by; and as many at even steps of hardness
 _STUCK = 0.9  # of the conductance at the curve's end: what conducts more at rest is stuck
-_DEAD = 1e-3  # of the usual conductance: what conducts less is dead
 _TIME = 0.1  # s for a frame that no cells explain
 WIDTHS = (8, 10, 12, 14, 16)  # bits of ADCs
 
@@ -103,7 +102,7 @@ def is_safe(change: Change, frames: np.ndarray, quiet: np.ndarray, noise: float)
     force, ohms = np.array(PressureCurve().points).T
     curve = PressureCurve(force, ohms * usual / ohms[0])
     most = _STUCK / curve.least_resistance  # S
-    curve = curve.resting_at(1.0 / np.clip(rest, _DEAD / usual, most))
+    curve = curve.resting_at(1.0 / np.clip(rest, 1.0 / (usual * REST_SPAN), most))
     order = np.argsort(-moves)
     seen = order[moves[order] > _SEEN * moves.max()]
     tried = np.unique(np.r_[seen[:HARDEST], seen[:: max(1, len(seen) // HARDEST)]])
