@@ -112,7 +112,7 @@ def fit_curve(frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
     error, without = (_error(of[used], std[used], weights[used]) for of in (off, alike))
     gain = fit.gain.reshape(circuit.shape)
     curve = knots.curve(fit.slope, usual).with_gain(gain)
-    hardest = float(knots.force(fit.slope, added[used].max()))
+    hardest = float(knots.ramps(added[used].max()) @ fit.slope)  # N
     message = [
         _summary(weights, used, error, hardest),
         f"the cells' gains are {gain.min():.2f} to {gain.max():.2f}, as far as the weights tell "
@@ -245,10 +245,6 @@ class _Knots(NamedTuple):
     def ramps(self, added) -> np.ndarray:
         """(...) [S] -> (..., k) [S] how far cells rise along each ramp."""
         return np.clip(np.expand_dims(added, -1) - self.at[:-1], 0.0, np.diff(self.at))
-
-    def force(self, slope: np.ndarray, added) -> np.ndarray:
-        """Force [N] of a cell that conducts `added` [S] beyond its rest."""
-        return self.ramps(added) @ slope
 
     def curve(self, slope, usual: float) -> PressureCurve:
         """Of a cell that rests at `usual` [S], by (k,) slopes [N/S] or one."""

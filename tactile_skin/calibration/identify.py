@@ -156,7 +156,7 @@ class Solution(NamedTuple):
 def _solve_frames(
     frames, circuit: Circuit, rest: Rest, off, hard: float, end: float
 ) -> Solution | None:
-    """Return what all frames say together, from `off` on; None: fewer than `FEWEST` tell."""
+    """Return what all frames say together, from `off` on; None: fewer than `FEWEST` do."""
     noise, rounds = max(rest.noise, ROUNDING_NOISE), []
     for _ in range(_ROUNDS):
         now = shifted(circuit, off)
@@ -208,9 +208,8 @@ def _bounded(off: np.ndarray, information: np.ndarray, circuit: Circuit) -> np.n
     least = -np.array([np.min(getattr(circuit, name)) for name in names(circuit)])
     for k in (1, 0):
         if off[k] < least[k]:
-            other = off[1 - k] + information[1 - k, k] / information[1 - k, 1 - k] * (
-                off[k] - least[k]
-            )
+            follows = information[1 - k, k] / information[1 - k, 1 - k]
+            other = off[1 - k] + follows * (off[k] - least[k])
             off = np.array([other, least[k]] if k else [least[k], other])
     return np.maximum(off, least)
 
@@ -270,18 +269,16 @@ def _identified(circuit: Circuit, solution: Solution, ended: int) -> Identified:
     if ideal := not (readout.knows_r_line or readout.knows_r_drive):
         told[1] = False
     # What is not told stays as it was supposed, and the other is what then explains the frames.
-    off = np.where(told, off + information[:, ::-1].diagonal() / information.diagonal()
-                   * np.where(told, 0.0, off)[::-1], 0.0)  # fmt: skip
+    follows = information[:, ::-1].diagonal() / information.diagonal()
+    off = np.where(told, off + follows * np.where(told, 0.0, off)[::-1], 0.0)
     found = shifted(circuit, off)
     both = names(circuit)
-    missing = tuple(n for n, yes in zip(both, told, strict=True) if not yes)
+    missing = tuple(n for n, yes in zip(both, told | [False, ideal], strict=True) if not yes)
     words = [
         f"{name} = {value:.1f} +- {s:.1f} ohm"
         for name, value, s, yes in zip(both, values(found), std, told, strict=True)
         if yes
     ]
-    if ideal:
-        missing = missing[:-1]
     if missing:
         words.append(f"the frames do not tell {' and '.join(missing)}")
     if ideal:

@@ -174,9 +174,8 @@ class CircuitTracker:
             return False
         self._last = stretch.mean
         self._suppose(curve, noise)
-        self._take(
-            stretch.mean, float(np.hypot(noise / stretch.frames**0.5, self._not_dithered(stretch)))
-        )
+        of_mean = np.hypot(noise / stretch.frames**0.5, self._not_dithered(stretch))
+        self._take(stretch.mean, float(of_mean))
         if self._asked and (self._asked[0].at != self._off).any():
             old = self._asked.popleft()
             self._take(old.adc, old.noise)  # anew, by what is known now
@@ -196,9 +195,8 @@ class CircuitTracker:
     def _differing(self, form: str, off, beside, std, least, severity: Severity) -> list[Finding]:
         """Return the resistances that are off and not `beside` the configured, all (2,) [ohm]."""
         found = []
-        for k, (name, given) in enumerate(
-            zip(names(self._configured), values(self._configured), strict=True)
-        ):
+        both = zip(names(self._configured), values(self._configured), strict=True)
+        for k, (name, given) in enumerate(both):
             if abs(off[k] - beside[k]) <= least[k]:
                 continue
             value, before = given + off[k], given + beside[k]
@@ -208,9 +206,8 @@ class CircuitTracker:
             or_r_ref = form == "learnt" and abs(alike) <= POSSIBLE["r_par"]
             how = f"{form}, or r_ref" if or_r_ref else form
             numbers |= {"alike": 100.0 * alike}  # %
-            found.append(
-                Finding(Kind.CIRCUIT, how, severity=severity, numbers=numbers, detail=name)
-            )
+            said = Finding(Kind.CIRCUIT, how, severity=severity, numbers=numbers, detail=name)
+            found.append(said)
         return found
 
     def _suppose(self, curve: PressureCurve, noise: float) -> None:

@@ -154,15 +154,12 @@ class Supposed:
         found = [self._resting.readings_for(self._cells, b).ravel() for b in by_rest]
         return np.array(found) / self.circuit.full_scale
 
-    def evidence(
-        self, adc: np.ndarray, noise: float, g: np.ndarray | None = None
-    ) -> Evidence | None:
+    def evidence(self, adc: np.ndarray, noise: float) -> Evidence | None:
         """Fit the touched cells of a frame, and see what is left.
 
         Args:
             adc: (rows, cols) ADC ratio; NaN where a crossing was not read.
             noise: RMS of a reading [ADC steps].
-            g: (rows, cols) conductance [S] to begin with; None: it is guessed.
 
         Returns:
             None: nothing touches, or so much that the rest cannot be checked, or nothing explains
@@ -170,11 +167,10 @@ class Supposed:
         """
         circuit = self.circuit
         reading = check_reading(adc, circuit, self._curve, missing=True, noise=noise)
-        if g is None:
-            g = first_guess(reading)
-            if not circuit.has_ideal_drivers:  # else it is the solution
-                g, _ = iterate(reading, self.rest, MAX_STEPS, 1.0)
-            g = fill(reading, g)
+        g = first_guess(reading)
+        if not circuit.has_ideal_drivers:  # else it is the solution
+            g, _ = iterate(reading, self.rest, MAX_STEPS, 1.0)
+        g = fill(reading, g)
         further = self._beyond_first_order(g)
         touched = circuit.populated & (g > _EVIDENT * self.rest)
         if not touched.any():

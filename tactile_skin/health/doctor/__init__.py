@@ -195,7 +195,7 @@ def other_readout(circuit: Circuit, at_rest, noise: float, touches) -> Finding |
         noise: of a reading [ADC steps].
         touches: (n, rows, cols) ADC ratio, some of them hard; NaN: not read.
     """
-    fitting = readout.other(circuit, readout.Touched(at_rest, noise, touches))
+    fitting = readout.other(circuit, readout.Touched(at_rest, max(noise, ROUNDING_NOISE), touches))
     wired = {(c.circuit.readout, c.circuit.driven) for c in (fitting.changes if fitting else ())}
     others = wired - {(circuit.readout, circuit.driven)}
     return fitting.finding(circuit) if fitting and others else None

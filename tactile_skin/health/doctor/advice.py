@@ -16,7 +16,6 @@ from ...calibration.touched import AT_REST, TOUCHED
 from ...physics.circuit import Circuit
 from ...physics.curve import PressureCurve
 from ...solvers import Estimate, compensate
-from ...solvers.reading import ROUNDING_NOISE
 
 _MAY_DIFFER = 0.34  # share of the cells that are unlike the usual one, as those of damaged lines
 OFF_END = 2.0  # times the noise plus an ADC step, that usual readings at rest keep off either end
@@ -65,7 +64,6 @@ class Change:
 
 def felt(touch: np.ndarray, circuit: Circuit, curve: PressureCurve, noise: float) -> Estimate:
     """Return what a skin feels that reads (rows, cols) [ADC ratio]; NaN: not read."""
-    noise = max(noise, ROUNDING_NOISE)
     return compensate(touch, circuit, curve, "map", noise=noise, missing=True, time_limit=_TIME)
 
 
@@ -85,7 +83,7 @@ def is_safe(change: Change, frames: np.ndarray, quiet: np.ndarray, noise: float)
     Args:
         frames: (n, rows, cols) ADC ratio as it is configured; NaN where a crossing was not read.
         quiet: (n,) bool, frames in which nothing touches.
-        noise: of a reading [ADC steps].
+        noise: of a reading [ADC steps], of rounding at least.
     """
     circuit = change.circuit
     frames = np.where(np.isnan(frames).any(0), np.nan, frames)  # a crossing is read, or is not
@@ -93,7 +91,7 @@ def is_safe(change: Change, frames: np.ndarray, quiet: np.ndarray, noise: float)
     then = change.of(frames)
     at_rest = then[quiet].mean(0)
     try:
-        rest = resting_conductance(at_rest, circuit, max(noise, ROUNDING_NOISE))
+        rest = resting_conductance(at_rest, circuit, noise)
     except ValueError:
         return False
     if not _rests(at_rest, rest, circuit, noise):

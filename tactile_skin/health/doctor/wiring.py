@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import ndtri
 
 from ...calibration.rest import UNLIKE
 from ...physics.circuit import Circuit
@@ -25,7 +26,7 @@ _GAIN = 60.0  # chi^2 that a damage explains at least
 _LIKELY = 0.5  # share of a line's, or a cell's, misfit that it explains at least
 _LEAST_LEAD = 0.03  # share of the usual resistance that a bad lead adds at least
 _OF_MEDIAN = (np.pi / 2.0) ** 0.5  # standard deviation of a median over that of a mean
-_OF_DEVIATIONS = 1.4826  # standard deviation over the median deviation, of a normal distribution
+_OF_DEVIATIONS = 1.0 / ndtri(0.75)  # standard deviation over the median deviation, normal values
 _OHM = 100.0  # ohm of a lead by which readings are tried
 _MISSING = 0.05  # share of its conductance up to which a resistor is missing
 _ROUNDS = 12  # in which the usual cell's resistance is found
