@@ -86,11 +86,7 @@ def equal_lines(steps: np.ndarray, noise: float, cells: np.ndarray) -> list[tupl
 
 
 def address_bits(pairs: list[tuple[int, int]], count: int) -> list[int]:
-    """Return the address bits without which lines are read, by the pairs that are one.
-
-    Args:
-        count: of lines.
-    """
+    """Return the address bits without which `count` lines are read, by the pairs that are one."""
     found = []
     for bit in range((count - 1).bit_length()):
         expected = {(k, k | 1 << bit) for k in range(count) if not k >> bit & 1}
@@ -100,11 +96,7 @@ def address_bits(pairs: list[tuple[int, int]], count: int) -> list[int]:
 
 
 def which_are_one(steps: np.ndarray, noise: float, cells: np.ndarray) -> Finding | None:
-    """Return lines that are one, a fault if half of all are; None: there are none.
-
-    Args:
-        as of `equal_lines`.
-    """
+    """Return which of `equal_lines` are one, a fault if half of all are; None: there are none."""
     found = equal_lines(steps, noise, cells)
     for axis, count in enumerate(steps.shape):
         if bits := address_bits([(a, b) for at, a, b in found if at == axis], count):
@@ -131,10 +123,8 @@ def one_voltage(mean: np.ndarray, frames: int, noise: float, circuit: Circuit) -
     numbers = {"steps": float(mean[cells].mean()) * circuit.full_scale}
     if numbers["steps"] < _LEAST_STEPS:  # whatever presses there would look like all that there is
         return Finding(Kind.NO_SIGNAL, "offset", severity=Severity.FAULT, numbers=numbers)
-    tells = _fabric_spread(mean, circuit) > _CHANNELS
-    return Finding(
-        Kind.NO_SIGNAL, severity=Severity.FAULT if tells else Severity.WARN, numbers=numbers
-    )
+    severity = Severity.FAULT if _fabric_spread(mean, circuit) > _CHANNELS else Severity.WARN
+    return Finding(Kind.NO_SIGNAL, severity=severity, numbers=numbers)
 
 
 def _fabric_spread(mean: np.ndarray, circuit: Circuit) -> float:

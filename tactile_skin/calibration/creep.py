@@ -14,7 +14,7 @@ from ..physics.circuit import Circuit
 from ..physics.creep import MAX_SHARE, Creep
 from ..physics.curve import PressureCurve
 from ..solvers import compensate
-from .rest import Rest, check_frames
+from .rest import Rest, check_frames, check_times
 
 LIMIT = 0.2  # share of what a cell conducts that is taken out at most
 LAID = 5.0  # s that an object has lain there, about, when its weight is known: see `as_it_comes`
@@ -64,10 +64,8 @@ def measure_creep(
         ValueError: shapes that differ, times that do not rise, no object, less than 30 s of it,
             one that was moved or taken off, or a gain that no fabric has.
     """
-    frames, times = rest.quiet(check_frames(frames, circuit)), np.asarray(times, dtype=float)
-    if times.shape != (len(frames),) or not (np.diff(times) > 0.0).all():
-        raise ValueError(f"times have shape {times.shape}: must be {len(frames)} that rise")
-    frames, t = _standing(frames, times, circuit, rest)
+    frames = rest.quiet(check_frames(frames, circuit))
+    frames, t = _standing(frames, check_times("times", times, len(frames)), circuit, rest)
     means, t = _means(frames, t)
     return _fit(t, _conductance(means, circuit, rest, curve or PressureCurve()))
 
@@ -116,32 +114,26 @@ def _added(curve: PressureCurve, force: np.ndarray) -> np.ndarray:
 
 
 def _fit(t: np.ndarray, conducts: np.ndarray) -> Creep:
-    """Share by least squares for each of `_TIMES`; of these, a mean of what is probable.
-
-    Args:
-        t: (m,) [s].
-        conducts: (m, cells) [S].
-    """
-    each, conducts, found = conducts, conducts.sum(1), []
+    """By (m, cells) [S] at t [s]: the mean of what is probable of a fit with each of `_TIMES`."""
+    total, found = conducts.sum(1), []
     for time in _TIMES:
         decades = np.stack([np.ones(t.size), np.log10(1.0 + t / time)], 1)
-        (first, slope), *_ = np.linalg.lstsq(decades, conducts, rcond=None)
-        error = (conducts - decades @ (first, slope)) / first
+        (first, slope), *_ = np.linalg.lstsq(decades, total, rcond=None)
+        error = (total - decades @ (first, slope)) / first
         found.append((slope / first, np.square(error).sum(), decades))
     share, square, decades = map(np.array, zip(*found, strict=True))
     variance = max(square.min() / max(t.size - 3, 1), _ERROR**2)
-    usual = np.square(np.log10(_TIMES / Creep.time) / _SPREAD)
-    weight = np.exp(-0.5 * (square / variance + usual - (square / variance + usual).min()))
+    improbable = square / variance + np.square(np.log10(_TIMES / Creep.time) / _SPREAD)
+    weight = np.exp(-0.5 * (improbable - improbable.min()))
     weight /= weight.sum()
     best = float(weight @ share)
     decades = decades[weight.argmax()]
-    by_noise = variance * np.linalg.inv(decades.T @ decades)[1, 1] + weight @ np.square(
-        share - best
-    )
-    first, slope = np.linalg.lstsq(decades, each, rcond=None)[0]
+    by_noise = variance * np.linalg.inv(decades.T @ decades)[1, 1]
+    by_noise += weight @ np.square(share - best)
+    first, slope = np.linalg.lstsq(decades, conducts, rcond=None)[0]
     # another object lies on other cells, of which each has a share of its own
     by_cell = np.square(slope - best * first).sum() / first.sum() ** 2
-    std = float(np.sqrt(by_noise + by_cell * each.shape[1] / max(each.shape[1] - 1, 1)))
+    std = float(np.sqrt(by_noise + by_cell * first.size / max(first.size - 1, 1)))
     if best > MAX_SHARE:
         raise ValueError(
             f"what the object adds grows by {best:.0%} in a decade of time, {MAX_SHARE:.0%} is the "
@@ -182,8 +174,7 @@ class Standing:
             self._remembered = self._remembered + forgets * (self._load - self._remembered)
         else:
             self._remembered = np.zeros((_DECADES, *force.shape))
-        added = _added(self._curve, force)
-        load = added
+        load = added = _added(self._curve, force)
         for _ in range(2):  # each leaves a fifth of the error of the one before, or less
             gained = (self._weight * np.minimum(self._remembered, load)).sum(0)
             load = np.maximum(added - gained, (1.0 - LIMIT) * added)

@@ -20,8 +20,8 @@ from ..physics.curve import PressureCurve
 from ..solvers import compensate
 from ..solvers.evidence import HARDEST
 from .identify import FEWEST
-from .rest import Rest, check_frames, supposing
-from .totals import Totals
+from .rest import Rest, check_frames, check_times, supposing
+from .totals import LEAST, Totals
 from .touched import MOVED, stands_anew
 
 _LIGHTLY = 0.25  # times its conductance at rest that the first knot adds to a cell
@@ -35,7 +35,6 @@ _ODD_SHARE = 1.0 / 3.0  # of the objects at most can be odd
 _USUAL_ERROR = 0.026
 _USUAL_SPREAD = 0.15
 _ERRORS = np.geomspace(0.005, 1.0, 500)  # that are tried: better than any skin, and useless
-_LEAST_TOTAL = 1e-3  # of the weight that is given, that others may say: odd enough
 _NARROW = 2.0  # largest over smallest weight up to which the shape is hardly told
 MAX_LAG = 2.0  # s that a reference may be early or late,
 _LAG_STEP = 0.01  # s, in steps of which that is looked for
@@ -113,7 +112,7 @@ def fit_curve(frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
     error, without = (_error(of[used], std[used], weights[used]) for of in (off, alike))
     gain = fit.gain.reshape(circuit.shape)
     curve = knots.curve(fit.slope, usual).with_gain(gain)
-    hardest = float(knots.force(fit.slope, added[used].max()))
+    hardest = float(knots.ramps(added[used].max()) @ fit.slope)  # N
     message = [
         _summary(weights, used, error, hardest),
         f"the cells' gains are {gain.min():.2f} to {gain.max():.2f}, as far as the weights tell "
@@ -161,9 +160,9 @@ def fit_reference(
             touches that stand, or a reference that does not follow the skin.
     """
     frames = rest.quiet(check_frames(frames, circuit))
-    times, at = _rising("times", times, len(frames)), reference_times
     reference = np.asarray(reference, dtype=float)
-    at = _rising("reference_times", at, len(reference))
+    times = check_times("times", times, len(frames), _SHORTEST)
+    at = check_times("reference_times", reference_times, len(reference), _SHORTEST)
     noise = max(rest.noise, 0.5) / circuit.full_scale
     rise = np.nansum(np.maximum(frames - rest.adc, 0.0), axis=(1, 2))
     late = _lag(times, rise, at, reference)
@@ -183,15 +182,6 @@ def fit_reference(
         raise ValueError(f"{len(taken)} touches stand: {FEWEST} or more are needed, 30 are good")
     every = -(-len(taken) // _MOST_FRAMES)
     return fit_curve(frames[taken[::every]], force[taken[::every]], circuit, rest), late
-
-
-def _rising(name: str, times, n: int) -> np.ndarray:
-    times = np.asarray(times, dtype=float)
-    if times.shape != (n,) or not (np.diff(times) > 0.0).all():
-        raise ValueError(f"{name} have shape {times.shape}: must be {n} that rise")
-    if not n or times[-1] - times[0] < _SHORTEST:
-        raise ValueError(f"{name}: less than {_SHORTEST:g} s")
-    return times
 
 
 def _lag(times, rise, at, reference) -> float:
@@ -241,13 +231,9 @@ def _added_conductance(frames, circuit: Circuit, at_rest, knots: _Knots):
 
 
 class _Knots(NamedTuple):
-    """Between which the ramps rise, an octave each.
+    """Between which the ramps rise, an octave each."""
 
-    Attributes:
-        at: (k + 1,) [S] that a cell conducts beyond its rest, the first 0.
-    """
-
-    at: np.ndarray
+    at: np.ndarray  # (k + 1,) [S] that a cell conducts beyond its rest, the first 0
 
     @classmethod
     def of(cls, circuit: Circuit, usual: float) -> _Knots:
@@ -259,10 +245,6 @@ class _Knots(NamedTuple):
     def ramps(self, added) -> np.ndarray:
         """(...) [S] -> (..., k) [S] how far cells rise along each ramp."""
         return np.clip(np.expand_dims(added, -1) - self.at[:-1], 0.0, np.diff(self.at))
-
-    def force(self, slope: np.ndarray, added) -> np.ndarray:
-        """Force [N] of a cell that conducts `added` [S] beyond its rest."""
-        return self.ramps(added) @ slope
 
     def curve(self, slope, usual: float) -> PressureCurve:
         """Of a cell that rests at `usual` [S], by (k,) slopes [N/S] or one."""
@@ -281,9 +263,6 @@ def _error(off: np.ndarray, std: np.ndarray, weights: np.ndarray) -> float:
 
     Each counts by what it was predicted with: an object that is harder than all others worst. The
     mean of what is probable: boards mostly err as usual, one may by any factor (Cauchy's prior).
-
-    Args:
-        std: (n,) standard deviations that the others predict them with.
     """
     usual = np.square(off / std) * np.square(std).mean()  # if all were predicted alike
     squares = np.array([usual[weights == w].mean() for w in np.unique(weights)])
@@ -314,7 +293,7 @@ def _odd(totals: Totals, objects: np.ndarray) -> list[int]:
 def _contradiction(totals: Totals, mine: np.ndarray, used: np.ndarray) -> float:
     """By how much the used objects but one contradict its weight; 1: it is odd."""
     fit, own = totals.only(used & ~mine).explained(), totals.only(mine)
-    total = max(float(fit.of(own).mean()), _LEAST_TOTAL)
+    total = max(float(fit.of(own).mean()), LEAST)
     return abs(np.log(total)) / max(np.log(_ODD), _ODD_STD * fit.std(own) / total)
 
 

@@ -40,7 +40,8 @@ TOLD = {"r_par": 0.03, "r_line": 4.0, "r_drive": 4.0}  # the same, below which i
 _EVIDENT = 8.0
 _FAR = 0.5
 FEWEST = 3  # frames; with fewer one odd touch decides
-_STOPPED = 4  # readings of touches at the same largest height: the converter's end
+SURE = 5.0  # standard deviations by which the configuration must be wrong
+SHELF = 4  # readings of touches at the same largest height: the converter's end
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +102,7 @@ def _converter_end(frames, circuit: Circuit) -> tuple[float, int]:
     """
     top = np.nanmax(frames, initial=0.0)
     stopped = frames > top - 0.5 / circuit.full_scale
-    if np.count_nonzero(stopped) < _STOPPED or np.count_nonzero(stopped.any((1, 2))) < 2:
+    if np.count_nonzero(stopped) < SHELF or np.count_nonzero(stopped.any((1, 2))) < 2:
         stopped, top = frames > 1.0 - 0.5 / circuit.full_scale, 1.0
     return float(top), int(np.count_nonzero(stopped))
 
@@ -155,13 +156,7 @@ class Solution(NamedTuple):
 def _solve_frames(
     frames, circuit: Circuit, rest: Rest, off, hard: float, end: float
 ) -> Solution | None:
-    """Return what all frames say together; None: fewer than `FEWEST` say anything.
-
-    Args:
-        off: to begin with.
-        hard: HARD or SOFT.
-        end: ADC ratio at which the converter ends.
-    """
+    """Return what all frames say together, from `off` on; None: fewer than `FEWEST` do."""
     noise, rounds = max(rest.noise, ROUNDING_NOISE), []
     for _ in range(_ROUNDS):
         now = shifted(circuit, off)
@@ -213,9 +208,8 @@ def _bounded(off: np.ndarray, information: np.ndarray, circuit: Circuit) -> np.n
     least = -np.array([np.min(getattr(circuit, name)) for name in names(circuit)])
     for k in (1, 0):
         if off[k] < least[k]:
-            other = off[1 - k] + information[1 - k, k] / information[1 - k, 1 - k] * (
-                off[k] - least[k]
-            )
+            follows = information[1 - k, k] / information[1 - k, 1 - k]
+            other = off[1 - k] + follows * (off[k] - least[k])
             off = np.array([other, least[k]] if k else [least[k], other])
     return np.maximum(off, least)
 
@@ -264,11 +258,7 @@ def _unknown_rest(rest: Rest, supposed: Supposed) -> np.ndarray:
 
 
 def _identified(circuit: Circuit, solution: Solution, ended: int) -> Identified:
-    """Return what was identified, in numbers and words.
-
-    Args:
-        ended: readings that are at the converter's end.
-    """
+    """Return what was identified, in numbers and words; `ended` readings are at the ADC's end."""
     off, information, std, frames = solution
     r_par, other = (TOLD[name] for name in names(circuit))
     limits = np.array([r_par * series_scale(circuit), other])
@@ -279,18 +269,16 @@ def _identified(circuit: Circuit, solution: Solution, ended: int) -> Identified:
     if ideal := not (readout.knows_r_line or readout.knows_r_drive):
         told[1] = False
     # What is not told stays as it was supposed, and the other is what then explains the frames.
-    off = np.where(told, off + information[:, ::-1].diagonal() / information.diagonal()
-                   * np.where(told, 0.0, off)[::-1], 0.0)  # fmt: skip
+    follows = information[:, ::-1].diagonal() / information.diagonal()
+    off = np.where(told, off + follows * np.where(told, 0.0, off)[::-1], 0.0)
     found = shifted(circuit, off)
     both = names(circuit)
-    missing = tuple(n for n, yes in zip(both, told, strict=True) if not yes)
+    missing = tuple(n for n, yes in zip(both, told | [False, ideal], strict=True) if not yes)
     words = [
         f"{name} = {value:.1f} +- {s:.1f} ohm"
         for name, value, s, yes in zip(both, values(found), std, told, strict=True)
         if yes
     ]
-    if ideal:
-        missing = missing[:-1]
     if missing:
         words.append(f"the frames do not tell {' and '.join(missing)}")
     if ideal:

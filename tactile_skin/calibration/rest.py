@@ -12,11 +12,11 @@ from ..physics.circuit import Circuit, forward
 from ..physics.curve import PressureCurve
 from ..solvers import compensate
 from ..solvers.reading import MAX_NOISE, robust_std
+from ..solvers.suspect import EXACT_NOISE
 from .touched import MOVED
 
 REST_SPAN = 500.0  # times the usual cell's resistance, either way, that a cell at rest may have
 # (one that stays pressed, or is dead)
-_LEAST_NOISE = 1e-3  # ADC steps of a mean reading: rounding alone leaves more
 _ROUNDS = 3  # in which the readings of noisy cells are put in place
 # Times the usual cell's conductance, either way, beyond which a cell at rest is pressed, or broken.
 UNLIKE = 4.0
@@ -106,17 +106,10 @@ def check_all_is_sent(frames: np.ndarray, circuit: Circuit, threshold: float, st
 
 
 def _noisy_cells(off: np.ndarray, middle: np.ndarray, circuit: Circuit) -> tuple:
-    """Return (row, column) of cells that scatter by themselves.
+    """Return (row, column) of cells that scatter by themselves; ValueError: something touches.
 
     What touches moves the readings of its rows and columns as well. So does a cell that loses its
     contact, but it never conducts more than usual.
-
-    Args:
-        off: (n, rows, cols) from the median [ADC steps].
-        middle: (rows, cols) median, ADC ratio.
-
-    Raises:
-        ValueError: something touches the skin.
     """
     drift = _drift(off) / np.maximum(middle * circuit.full_scale, 1.0)
     if abs(common := float(np.median(drift[circuit.populated]))) > _COMMON:
@@ -192,6 +185,16 @@ def check_frames(frames, circuit: Circuit) -> np.ndarray:
     return frames
 
 
+def check_times(name: str, times, n: int, least: float = 0.0) -> np.ndarray:
+    """(n,) floats that rise, over `least` [s] or more; ValueError: they do not."""
+    times = np.asarray(times, dtype=float)
+    if times.shape != (n,) or not (np.diff(times) > 0.0).all():
+        raise ValueError(f"{name} have shape {times.shape}: must be {n} that rise")
+    if least and (not n or times[-1] - times[0] < least):
+        raise ValueError(f"{name}: less than {least:g} s")
+    return times
+
+
 def resting_conductance(
     adc: np.ndarray, circuit: Circuit, noise: float = 0.0, noisy=()
 ) -> np.ndarray:
@@ -216,7 +219,7 @@ def resting_conductance(
     adc = np.where(np.isfinite(adc), adc, 0.0)
     adc = np.where(unused, np.median(adc[known]), adc)
     for _ in range(_ROUNDS if unused.any() else 1):
-        found = compensate(adc, circuit, curve, "newton", noise=max(noise, _LEAST_NOISE))
+        found = compensate(adc, circuit, curve, "newton", noise=max(noise, EXACT_NOISE))
         if found.status == "failed":
             raise ValueError(f"the readings fit no skin: {found.message}")
         conductance = np.where(cells, 1.0 / curve.resistance(found.force), 0.0)

@@ -35,7 +35,6 @@ _STILL_SHARE = 0.01
 _RESTLESS = 0.02
 _ALIKE_FRAMES = 1000  # that are looked at together while they are alike
 _TRIES = 5  # measurements that held a touch, or seemed to, after which to say so
-_HALF_STEP = 0.5  # ADC steps: below, rounding leaves no reading
 _OF_CHANGES = 0.886  # standard deviation over the mean change from one to the next, normal noise
 _WINDOW = 1.0  # s that a measurement takes, and that a fabric recovers for after a touch
 _QUIET_AFTER = 0.1  # s without a touch that must follow it: an onset is too weak to feel
@@ -162,7 +161,8 @@ class Tare:
             return False
         found = self._one_voltage(window)
         self.unseen = found is not None and found.stops
-        zero = self._circuit.populated & (window.mean * self._circuit.full_scale < _HALF_STEP)
+        # below half a step rounding leaves no reading
+        zero = self._circuit.populated & (window.mean * self._circuit.full_scale < 0.5)
         zero &= ~(zero.all(1)[:, None] | zero.all(0))  # such a line is not connected
         if np.count_nonzero(zero) > self._few:
             numbers = {"count": np.count_nonzero(zero)}
@@ -228,11 +228,7 @@ class Tare:
         return True
 
     def _learn(self, adc: np.ndarray, noise: float) -> bool:
-        """Take over what a skin at rest reads; whether `curve` changed.
-
-        Args:
-            noise: of the mean reading [ADC steps].
-        """
+        """Take over what a skin at rest reads, to `noise` [ADC steps]; whether `curve` changed."""
         full = self._circuit.full_scale
         lines = which_are_one(adc * full, noise, self._circuit.populated)
         off = (adc - rest_reading(self._circuit, self.curve)) * full

@@ -23,7 +23,7 @@ _USUAL_SCATTER = 0.1
 _USUAL_NOISE = 0.012
 _SPREAD = 0.7  # standard deviation of the logarithm of both
 _LEVEL = 0.5  # standard deviation of the first slope over the median level
-_LEAST = 0.02  # times the median level that a slope has at least: the curve must rise
+LEAST = 0.02  # times the usual one that a slope and a total have at least: both are above 0
 _LEAST_GAIN = 0.2  # of a cell that conducts at all
 
 
@@ -90,7 +90,7 @@ class Totals(NamedTuple):
         white = solve_triangular(factor[0], np.column_stack([data * level, np.ones(n)]), lower=True)
         between, first = np.diff(np.eye(k), axis=0), np.eye(1, k) / _LEVEL
         goal = np.concatenate([white[:, k], np.zeros(k - 1), [1.0 / _LEVEL]])
-        least = np.full(k, _LEAST)
+        least = np.full(k, LEAST)
         half_log_det = np.log(factor[0].diagonal()).sum()
         for step in steps:
             root = np.vstack([white[:, :k], between / step, first])  # of slopes over the level
@@ -136,10 +136,8 @@ class Fit(NamedTuple):
 
     def of(self, new: Totals) -> np.ndarray:
         """(m,) what other objects weigh, over the weight that they are given."""
-        return (
-            new.data @ self.slope
-            + self.scatter**2 * (new.shares @ self.totals.shares.T) @ self.left
-        )
+        by_gain = self.scatter**2 * (new.shares @ self.totals.shares.T) @ self.left
+        return new.data @ self.slope + by_gain
 
     def std(self, new: Totals) -> float:
         """Of the mean of the same."""

@@ -24,6 +24,7 @@ from ..solvers.reading import ROUNDING_NOISE, rest_reading
 from .identify import (
     CONTRADICTION,
     FEWEST,
+    SURE,
     TOLD,
     Solution,
     names,
@@ -39,15 +40,13 @@ _KEPT = 24  # touches: the latest, since boards warm up and connectors age
 _LATEST = 2 * FEWEST  # of them that may overrule it
 _PATIENCE = 2.0  # s that a stretch waits for a pause between touches,
 _STOPPED = 0.15  # and for more of it, while a stop gives time
-# Standard deviations by which the configuration must be wrong; and what was learnt since.
-_SURE = 5.0
-_REFINED = 2.0
+_REFINED = 2.0  # standard deviations by which what was learnt since must be wrong
 _RELEVANT_OTHER = 1.5  # ohm, of r_line and r_drive: less changes no picture
 _EXPLAINED = 3.0  # chi^2 a reading, in the median frame, beyond which there is another fault
 # Beside the configured r_par, as share of it, or of `MIN_SCALE` r_ref, if that is more: of a loaded
 # matrix, where r_ref changes nothing of it, only above; ohm of the others: a multiplexer that
 # drives has up to 1050 (data sheet of the CD4051B at 5 V and 25 degrees).
-_POSSIBLE = {"r_par": 0.5, "r_line": 60.0, "r_drive": 1050.0}
+POSSIBLE = {"r_par": 0.5, "r_line": 60.0, "r_drive": 1050.0}
 # Ohm of an Arduino's pin (data sheet of the ATmega328P), by which r_drive may exceed what is
 # configured as long as nothing tells.
 PIN = 25.0
@@ -175,9 +174,8 @@ class CircuitTracker:
             return False
         self._last = stretch.mean
         self._suppose(curve, noise)
-        self._take(
-            stretch.mean, float(np.hypot(noise / stretch.frames**0.5, self._not_dithered(stretch)))
-        )
+        of_mean = np.hypot(noise / stretch.frames**0.5, self._not_dithered(stretch))
+        self._take(stretch.mean, float(of_mean))
         if self._asked and (self._asked[0].at != self._off).any():
             old = self._asked.popleft()
             self._take(old.adc, old.noise)  # anew, by what is known now
@@ -197,21 +195,19 @@ class CircuitTracker:
     def _differing(self, form: str, off, beside, std, least, severity: Severity) -> list[Finding]:
         """Return the resistances that are off and not `beside` the configured, all (2,) [ohm]."""
         found = []
-        for k, (name, given) in enumerate(
-            zip(names(self._configured), values(self._configured), strict=True)
-        ):
+        both = zip(names(self._configured), values(self._configured), strict=True)
+        for k, (name, given) in enumerate(both):
             if abs(off[k] - beside[k]) <= least[k]:
                 continue
             value, before = given + off[k], given + beside[k]
             numbers = {"value": value, "std": std[k], "given": before}
             # readings tell resistances as multiples of r_ref: they fit its own value as well
             alike = before / value - 1.0 if k == 0 and value > 0.0 else np.inf
-            or_r_ref = form == "learnt" and abs(alike) <= _POSSIBLE["r_par"]
+            or_r_ref = form == "learnt" and abs(alike) <= POSSIBLE["r_par"]
             how = f"{form}, or r_ref" if or_r_ref else form
             numbers |= {"alike": 100.0 * alike}  # %
-            found.append(
-                Finding(Kind.CIRCUIT, how, severity=severity, numbers=numbers, detail=name)
-            )
+            said = Finding(Kind.CIRCUIT, how, severity=severity, numbers=numbers, detail=name)
+            found.append(said)
         return found
 
     def _suppose(self, curve: PressureCurve, noise: float) -> None:
@@ -240,7 +236,7 @@ class CircuitTracker:
         """Whether what the touches say together is another circuit than `circuit`."""
         found, latest = self._solve(list(self._asked)), list(self._asked)[-_LATEST:]
         now = self._solve(latest)
-        changed = np.abs(now.off - found.off) > _SURE * np.hypot(now.std, found.std)
+        changed = np.abs(now.off - found.off) > SURE * np.hypot(now.std, found.std)
         if changed.any():
             self._asked, found = deque(latest, _KEPT), now
         off, information, std, _ = found
@@ -256,7 +252,7 @@ class CircuitTracker:
             off = np.array([self._adopted[0], max(off[1] + told, -self._configured.r_drive)])
         change = off - self._adopted
         # the two vary together: what one touch takes for stripes another takes for r_par
-        sure = _REFINED if self._adopted.any() else _SURE
+        sure = _REFINED if self._adopted.any() else SURE
         if not (np.abs(change) > relevant).any() or change @ information @ change < sure**2:
             return False
         if np.median([self._chi2(a, off) for a in self._asked]) > _EXPLAINED:
@@ -283,9 +279,9 @@ class CircuitTracker:
     def _beyond(self, off: np.ndarray) -> bool:
         """Whether no board is (2,) ohm off beside the configuration."""
         given = self._configured
-        most = _POSSIBLE["r_par"] * max(given.r_par, MIN_SCALE * given.r_ref)
+        most = POSSIBLE["r_par"] * max(given.r_par, MIN_SCALE * given.r_ref)
         least = -np.inf if given.readout == "loaded" else -most
-        return not (least <= off[0] <= most and abs(off[1]) <= _POSSIBLE[names(given)[1]])
+        return not (least <= off[0] <= most and abs(off[1]) <= POSSIBLE[names(given)[1]])
 
     def _not_dithered(self, stretch: _Stretch) -> float:
         """RMS error of the mean that rounding leaves [ADC steps].

@@ -15,6 +15,7 @@ import math
 import numpy as np
 from scipy.ndimage import binary_dilation
 
+from ..calibration.identify import SHELF
 from ..findings.finding import Finding, Kind, Severity
 from ..physics.adc import Adc
 from ..solvers.reading import ROUNDING_NOISE
@@ -23,7 +24,6 @@ from .check import ABOVE, Check, Seen, Window
 
 _CHANCE = 1e-5  # of a sound skin's readings standing at one height, in one window
 _FORGET = 0.01  # share of the count of readings that stood still, and of all, that a window renews
-_SHELF = 4  # readings at one height
 _MOVES = 20.0  # times the noise by which those beside them differ when they stand there again
 _BESIDE = np.ones((3, 3))  # a cell and its neighbours
 _NEAR_MOST = 0.9  # of what a short circuit would read: above, all hard touches read alike
@@ -79,10 +79,8 @@ class Ceiling(Check):
         others = ~at_top & (mean > 0.0)
         stood, seen = self._count
         keep = 1.0 - _FORGET
-        self._count = (
-            keep * stood + np.count_nonzero(still & others),
-            keep * seen + np.count_nonzero(others),
-        )
+        stood_now, seen_now = np.count_nonzero(still & others), np.count_nonzero(others)
+        self._count = keep * stood + stood_now, keep * seen + seen_now
         n = np.count_nonzero(still & at_top)
         share = max(stood / max(seen, 1.0), _CHANCE**2)  # none stood still in all that is counted
         return bool(n * math.log(share) < math.log(_CHANCE) and top - np.median(mean) > ABOVE)
@@ -96,7 +94,7 @@ class Ceiling(Check):
         top = float(mean.max())
         shelf = mean > top - noise
         if (
-            np.count_nonzero(shelf) < _SHELF
+            np.count_nonzero(shelf) < SHELF
             or top > self._most
             or top - np.median(window.low) < ABOVE
             or spread[shelf].max() > 2.0 * noise

@@ -14,8 +14,8 @@ from collections import deque
 # Chosen so that valid streams do not stop the robot and faults do within 0.2 s; scored by bench
 # faults, in docs/reliability.md.
 _WINDOW = 20  # frames: 0.2 s at 100 a second
-_FAULT = 10  # suspect frames among them that make a fault,
-_OVER = 5  # and that end it
+_FAULT = _WINDOW // 2  # suspect frames among them that make a fault,
+_OVER = _FAULT // 2  # and that end it
 _REST_SECONDS = 1.0  # s of rest without a suspect frame after which a fault under one touch is over
 _VALID_SECONDS = 0.5  # s of touch without a suspect frame after which any fault is
 _REPEATED = 2  # touches with a fault in succession from which on rest is no evidence

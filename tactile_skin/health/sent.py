@@ -17,10 +17,6 @@ _KEPT = 64  # frames that are looked at
 _FEWEST = 10  # frames that show which cells move
 _APART = 0.1  # s between them, at least
 _EVERY = 0.5  # s after which it is asked again
-# Where readings fall with pressure 0 is a short circuit. Pressed cells keep tens of ohm, behind
-# r_par: usual cells that stand there for as long are none. An ADC that reads too low by more than
-# so many steps reads 0 earlier.
-_RESOLVED = 1.0
 
 
 class Sent(Check):
@@ -33,7 +29,10 @@ class Sent(Check):
         self._known = adc.rising_count(threshold) if threshold else 0.0
         low, high = adc.range
         self._unresolved = (1.0 - high if adc.inverted else low) * adc.full_scale
-        self._zero_is_short = adc.inverted and self._unresolved < _RESOLVED
+        # Where readings fall with pressure 0 is a short circuit. Pressed cells keep tens of ohm,
+        # behind r_par: usual cells that stand there are none. An ADC that is a step too low reads 0
+        # earlier.
+        self._zero_is_short = adc.inverted and self._unresolved < 1.0
         self.forget()
 
     def forget(self) -> None:

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import lapack
+from scipy.ndimage import binary_dilation
 
 from ..physics import laplacian, lines, readouts
 from ..physics.circuit import Circuit
@@ -134,18 +135,15 @@ class Supposed:
         return readouts.solve(self.circuit, self.rest).behind_stripes(np.zeros(self.circuit.shape))
 
     @cached_property
-    def shift(self) -> np.ndarray:
-        """Return (rows, cols) [S/ohm] that a cell at rest conducts more for each ohm more of r_par.
+    def _shifts(self) -> tuple[np.ndarray, np.ndarray]:
+        """(rows, cols) [S/ohm] that resting cells conduct more for an ohm of r_par; of the other.
 
         So the untouched skin reads what it read.
         """
-        return self._resting.cells_for(self._cells, -self._resting.by_r_par)
-
-    @cached_property
-    def _other_shift(self) -> np.ndarray:
-        """(rows, cols) the same for each ohm more of r_line or r_drive."""
-        change = self._resting.by_second
-        return self._resting.cells_for(self._cells, -change) if change.any() else change
+        resting, other = self._resting, self._resting.by_second
+        if other.any():
+            other = resting.cells_for(self._cells, -other)
+        return resting.cells_for(self._cells, -resting.by_r_par), other
 
     def by_reading(self, by_rest: np.ndarray) -> np.ndarray:
         """(2, readings) by how much a score changes with each reading of the rest [1/ohm/ADC step].
@@ -156,15 +154,12 @@ class Supposed:
         found = [self._resting.readings_for(self._cells, b).ravel() for b in by_rest]
         return np.array(found) / self.circuit.full_scale
 
-    def evidence(
-        self, adc: np.ndarray, noise: float, g: np.ndarray | None = None
-    ) -> Evidence | None:
+    def evidence(self, adc: np.ndarray, noise: float) -> Evidence | None:
         """Fit the touched cells of a frame, and see what is left.
 
         Args:
             adc: (rows, cols) ADC ratio; NaN where a crossing was not read.
             noise: RMS of a reading [ADC steps].
-            g: (rows, cols) conductance [S] to begin with; None: it is guessed.
 
         Returns:
             None: nothing touches, or so much that the rest cannot be checked, or nothing explains
@@ -172,16 +167,15 @@ class Supposed:
         """
         circuit = self.circuit
         reading = check_reading(adc, circuit, self._curve, missing=True, noise=noise)
-        if g is None:
-            g = first_guess(reading)
-            if not circuit.has_ideal_drivers:  # else it is the solution
-                g, _ = iterate(reading, self.rest, MAX_STEPS, 1.0)
-            g = fill(reading, g)
+        g = first_guess(reading)
+        if not circuit.has_ideal_drivers:  # else it is the solution
+            g, _ = iterate(reading, self.rest, MAX_STEPS, 1.0)
+        g = fill(reading, g)
         further = self._beyond_first_order(g)
         touched = circuit.populated & (g > _EVIDENT * self.rest)
         if not touched.any():
             return None
-        touched = circuit.populated & (touched | _dilated(g > self._hard * self.rest))
+        touched = circuit.populated & (touched | binary_dilation(g > self._hard * self.rest))
 
         def network(g: np.ndarray) -> readouts.Readout:
             return readouts.solve(circuit, g).behind_stripes(further)
@@ -203,28 +197,22 @@ class Supposed:
                 return None
             model = _fit(at, np.where(touched, g, self.rest), np.flatnonzero(touched), hardest)
             g = model.g
-            past = self._past_touched(model, touched, further)
-            more = past.more if search < _SEARCHES else np.zeros(0, int)
-            if not more.size:
+            patterns, misfit, by_no_circuit, more = self._past_touched(model, touched, further)
+            if search == _SEARCHES or not more.size:
                 break
             touched.flat[more] = True
         count = max(reading.n_informative - int(np.count_nonzero(touched)), 1)
-        chi2 = float(np.square(past.misfit).sum())
-        unexplained = float(np.square(past.by_no_circuit).sum()) / count
+        unexplained = float(np.square(by_no_circuit).sum()) / count
         if unexplained > _EXPLAINED:
             return None
-        trust = np.minimum(1.0, OUTLIER / np.maximum(np.abs(past.by_no_circuit), 1e-9))
+        trust = np.minimum(1.0, OUTLIER / np.maximum(np.abs(by_no_circuit), 1e-9))
         trust /= max(unexplained, 1.0)  # a frame that is explained badly says little
-        weighed = (past.patterns * trust[:, None]).T
+        weighed = (patterns * trust[:, None]).T
         by_adc = model.weight * weighed.reshape(2, *g.shape)
         by_rest = [~touched * model.network.pull(b) for b in by_adc]
-        score, information = -weighed @ past.misfit, weighed @ past.patterns
+        score, information = -weighed @ misfit, weighed @ patterns
+        chi2 = float(np.square(misfit).sum())
         return Evidence(score, information, np.array(by_rest), chi2, count)
-
-    @staticmethod
-    def _pattern(model: Linearised, change: np.ndarray, shift: np.ndarray) -> np.ndarray:
-        """(rows, cols) d misfit / d a resistance [1/ohm], which changes readings and cells so."""
-        return -model.weight * (change + model.network.change(shift))
 
     def _patterns(self, model: Linearised, further: np.ndarray) -> list[np.ndarray]:
         """(rows, cols) d misfit / d r_par, and / d r_line or r_drive [1/ohm]."""
@@ -233,11 +221,17 @@ class Supposed:
         if further.any():  # it grows with the square of r_line
             more = network.by_r_par * 2.0 * further / np.max(self.circuit.r_line)
             changes[1] = changes[1] + more
-        shifts = self.shift, self._other_shift
-        return [self._pattern(model, *pair) for pair in zip(changes, shifts, strict=True)]
+        return [
+            -model.weight * (change + network.change(shift))
+            for change, shift in zip(changes, self._shifts, strict=True)
+        ]
 
-    def _past_touched(self, model: Linearised, touched: np.ndarray, further) -> _Past:
-        """Return what the touched cells cannot take, and the held cells that are touched."""
+    def _past_touched(self, model: Linearised, touched: np.ndarray, further) -> tuple:
+        """Return what the touched cells cannot take, and the held cells that are touched.
+
+        Returns:
+            (readings, 2) `_patterns`, (readings,) misfit, what no circuit takes of it, flat cells.
+        """
         jacobian = _jacobian(model, self._cells)
         free = touched.flat[self._cells]
         pictures = (*self._patterns(model, further), model.misfit)
@@ -245,42 +239,22 @@ class Supposed:
         columns = np.concatenate([columns, jacobian[:, ~free]], 1)
         size = np.square(columns[:, 3:]).sum(0)
         left = past(columns, jacobian[:, free])
-        p, misfit = left[:, :2], left[:, 2]
-        held = past(left[:, 2:], p)  # whatever the circuit is
-        misfit_past, held = held[:, 0], held[:, 1:]
+        patterns, misfit = left[:, :2], left[:, 2]
+        held = past(left[:, 2:], patterns)  # whatever the circuit is
+        by_no_circuit, held = held[:, 0], held[:, 1:]
         spread = np.sqrt(np.maximum(np.square(held).sum(0), _HIDDEN * size))
-        more = self._cells[~free][held.T @ misfit_past > _Z * spread]
-        return _Past(p, misfit, misfit_past, more)
+        more = self._cells[~free][held.T @ by_no_circuit > _Z * spread]
+        return patterns, misfit, by_no_circuit, more
 
     def _beyond_first_order(self, g: np.ndarray) -> np.ndarray:
         """(rows, cols) [ohm] that stripes add to cells g beyond first order."""
-        stripes, nothing = self.circuit.stripes, np.zeros(g.shape)
+        stripes = self.circuit.stripes
         if not self._exact or stripes is None:
-            return nothing
+            return np.zeros(g.shape)
         network = laplacian.solve(g)
-        added = lines.solve(g, *stripes).rho - network.rho
-        return np.where(
-            self.circuit.populated & np.isfinite(added),
-            added - lines.added_resistance(network.k, g, *stripes),
-            0.0,
-        )
-
-
-class _Past(NamedTuple):
-    patterns: np.ndarray  # (readings, 2) d misfit / d r_par, and / d r_line or r_drive [1/ohm]
-    misfit: np.ndarray  # (readings,) in standard deviations
-    by_no_circuit: np.ndarray  # (readings,) what p leaves of it
-    more: np.ndarray  # flat cells that are touched, too
-
-
-def _dilated(cells: np.ndarray) -> np.ndarray:
-    """(rows, cols) bool: these cells and the next in their rows and columns."""
-    more = cells.copy()  # ndimage takes longer for its checks
-    more[1:] |= cells[:-1]
-    more[:-1] |= cells[1:]
-    more[:, 1:] |= cells[:, :-1]
-    more[:, :-1] |= cells[:, 1:]
-    return more
+        further = lines.solve(g, *stripes).rho - network.rho
+        further -= lines.added_resistance(network.k, g, *stripes)
+        return np.where(self.circuit.populated & np.isfinite(further), further, 0.0)
 
 
 def _jacobian(model: Linearised, cells: np.ndarray) -> np.ndarray:
@@ -290,12 +264,7 @@ def _jacobian(model: Linearised, cells: np.ndarray) -> np.ndarray:
 
 
 def _fit(at, g: np.ndarray, unknown: np.ndarray, most: float) -> Linearised:
-    """Fit the unknown cells of a frame, all others as they are: Levenberg and Marquardt in log g.
-
-    Args:
-        at: g (rows, cols) [S] -> the model there.
-        most: that a cell conducts [S].
-    """
+    """Fit the unknown cells of a frame, by its model `at` g: Levenberg and Marquardt in log g."""
     model, damping = at(g), 1e-3
     chi2 = np.square(model.misfit).sum()
     for _ in range(_STEPS):

@@ -47,9 +47,6 @@ def _learned(reading: Reading, weights, method: str, kind: str) -> Estimate:
 def _with_single_cells(force: np.ndarray, there: tuple, reading: Reading):
     """Return the force with cells that their reading determines alone; `network_of` it, if known.
 
-    Args:
-        there: `network_of` the force.
-
     The networks learnt from touches of several cells: of a corner of 10 kg on one cell they find
     half, or nothing at the skin's rim, and a stop would not come. Nearly all of the current at the
     crossing flows through such a cell, so the current around it, as the network's force implies it,

@@ -123,11 +123,7 @@ def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:
 
 
 def _climb(reading: Reading, g, network, step, gradient):
-    """Take the step, or as much of it as gains height; returns the new g and its network.
-
-    Args:
-        gradient: (rows, cols) of the unknowns, 0 elsewhere.
-    """
+    """Return g after the step, or as much of it as gains height, and the network there."""
     low, high = reading.bounds
     cells = reading.circuit.mask
     height = None

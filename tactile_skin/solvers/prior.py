@@ -49,15 +49,10 @@ class Differences:
         self.weight = both * 1.0
 
 
-def differences(circuit) -> Differences:
-    """Between a circuit's cells; kept, whatever else of the circuit changes."""
-    mask = circuit.mask
-    return _differences(circuit.shape, None if mask is None else mask.tobytes())
-
-
 @lru_cache(maxsize=16)
-def _differences(shape: tuple[int, int], mask: bytes | None) -> Differences:
-    return Differences(shape, None if mask is None else np.frombuffer(mask, bool).reshape(shape))
+def differences(circuit) -> Differences:
+    """Between a circuit's cells; kept, as each step of a fit asks for them."""
+    return Differences(circuit.shape, circuit.mask)
 
 
 class Quadratic(NamedTuple):

@@ -88,11 +88,7 @@ def _fits(circuit: Circuit, seen: Recorded) -> bool:
 
 
 def _upside_down(seen: Recorded, turned: Recorded, inverted: bool) -> list[Finding]:
-    """Whether nothing but another readout is wrong the other way round, or all that moves falls.
-
-    Args:
-        turned: of 1 minus the readings.
-    """
+    """Whether nothing but another readout is wrong the other way round, or all that moves falls."""
     circuit = seen.circuit
     if not len(turned.peaks):
         return []
@@ -102,14 +98,14 @@ def _upside_down(seen: Recorded, turned: Recorded, inverted: bool) -> list[Findi
         falls = seen.fell > _FALLS or not len(seen.touches)
         if not (falls and turned.fell < 1.0 - _FALLS and len(turned.touches) >= FEW_TOUCHES):
             return []
-    change = Change(of_other[0].change.circuit if of_other else circuit, turned=True)
-    if not is_safe(change, seen.ratio, turned.quiet, turned.usual_noise):
+    change = Change(circuit, turned=True)
+    obeyed = replace(change, circuit=of_other[0].change.circuit) if of_other else change
+    if not is_safe(obeyed, seen.ratio, turned.quiet, turned.usual_noise):
         return []
-    entry = readout.entered(Change(circuit, turned=True).settings(circuit, inverted))
+    entry = readout.entered(change.settings(circuit, inverted))
     detail = f"{entry}: what the board prints {'rises' if inverted else 'falls'}"
     usual = float(np.median(seen.steps[:, seen.read]))
     numbers = {"steps": usual, "full": circuit.full_scale}
-    change = Change(circuit, turned=True)
     return [Finding(Kind.POLARITY, numbers=numbers, detail=detail, change=change), *of_other]
 
 
@@ -188,8 +184,7 @@ def _other_way(seen: Recorded, touched: readout.Touched) -> Change | None:
     changes = [Change(supposed.read_as(supposed.readout, lines)) for lines in driven]
     tried = [(readout.misses(c.circuit, touched.after(c)), k, c) for k, c in enumerate(changes)]
     left, _, change = min(tried)
-    fits = left < readout.FITS
-    safe = fits and is_safe(change, seen.ratio, seen.quiet, seen.usual_noise)
+    safe = left < readout.FITS and is_safe(change, seen.ratio, seen.quiet, seen.usual_noise)
     return change if safe else None
 
 
@@ -201,7 +196,7 @@ def other_readout(circuit: Circuit, at_rest, noise: float, touches) -> Finding |
         noise: of a reading [ADC steps].
         touches: (n, rows, cols) ADC ratio, some of them hard; NaN: not read.
     """
-    fitting = readout.other(circuit, readout.Touched(at_rest, noise, touches))
+    fitting = readout.other(circuit, readout.Touched(at_rest, max(noise, ROUNDING_NOISE), touches))
     wired = {(c.circuit.readout, c.circuit.driven) for c in (fitting.changes if fitting else ())}
     others = wired - {(circuit.readout, circuit.driven)}
     return fitting.finding(circuit) if fitting and others else None
@@ -242,12 +237,9 @@ def _wires(seen: Recorded, unusable, found) -> tuple[wiring.Wires, np.ndarray, n
 
 
 def _joined(seen: Recorded, wires: wiring.Wires, rho, known, pairs, found: list):
-    """Lines that read alike: a short, or one line read by two addresses.
+    """Return the wires with lines that read alike, and (axis, line) of one of each pair.
 
-    Two stripes that touch, and one that is read twice, conduct otherwise at rest.
-
-    Returns:
-        The wires with them, and (axis, line) of one of each pair.
+    Two stripes that touch, and one that is read by two addresses, conduct otherwise at rest.
     """
     wires, alone, log = wires.fitted(rho, known)
     taken = set()

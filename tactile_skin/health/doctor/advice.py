@@ -11,12 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...calibration.rest import UNLIKE, resting_conductance
+from ...calibration.rest import REST_SPAN, UNLIKE, resting_conductance
 from ...calibration.touched import AT_REST, TOUCHED
 from ...physics.circuit import Circuit
 from ...physics.curve import PressureCurve
 from ...solvers import Estimate, compensate
-from ...solvers.reading import ROUNDING_NOISE
 
 _MAY_DIFFER = 0.34  # share of the cells that are unlike the usual one, as those of damaged lines
 OFF_END = 2.0  # times the noise plus an ADC step, that usual readings at rest keep off either end
@@ -24,7 +23,6 @@ _SEEN = 0.3  # of the largest change of a reading, in a frame that shows a touch
 _HARD = 0.8  # the same, of a hard touch
 HARDEST = 12  # touches that a circuit is tried by; and as many at even steps of hardness
 _STUCK = 0.9  # of the conductance at the curve's end: what conducts more at rest is stuck
-_DEAD = 1e-3  # of the usual conductance: what conducts less is dead
 _TIME = 0.1  # s for a frame that no cells explain
 WIDTHS = (8, 10, 12, 14, 16)  # bits of ADCs
 
@@ -66,7 +64,6 @@ class Change:
 
 def felt(touch: np.ndarray, circuit: Circuit, curve: PressureCurve, noise: float) -> Estimate:
     """Return what a skin feels that reads (rows, cols) [ADC ratio]; NaN: not read."""
-    noise = max(noise, ROUNDING_NOISE)
     return compensate(touch, circuit, curve, "map", noise=noise, missing=True, time_limit=_TIME)
 
 
@@ -86,7 +83,7 @@ def is_safe(change: Change, frames: np.ndarray, quiet: np.ndarray, noise: float)
     Args:
         frames: (n, rows, cols) ADC ratio as it is configured; NaN where a crossing was not read.
         quiet: (n,) bool, frames in which nothing touches.
-        noise: of a reading [ADC steps].
+        noise: of a reading [ADC steps], of rounding at least.
     """
     circuit = change.circuit
     frames = np.where(np.isnan(frames).any(0), np.nan, frames)  # a crossing is read, or is not
@@ -94,7 +91,7 @@ def is_safe(change: Change, frames: np.ndarray, quiet: np.ndarray, noise: float)
     then = change.of(frames)
     at_rest = then[quiet].mean(0)
     try:
-        rest = resting_conductance(at_rest, circuit, max(noise, ROUNDING_NOISE))
+        rest = resting_conductance(at_rest, circuit, noise)
     except ValueError:
         return False
     if not _rests(at_rest, rest, circuit, noise):
@@ -103,7 +100,7 @@ def is_safe(change: Change, frames: np.ndarray, quiet: np.ndarray, noise: float)
     force, ohms = np.array(PressureCurve().points).T
     curve = PressureCurve(force, ohms * usual / ohms[0])
     most = _STUCK / curve.least_resistance  # S
-    curve = curve.resting_at(1.0 / np.clip(rest, _DEAD / usual, most))
+    curve = curve.resting_at(1.0 / np.clip(rest, 1.0 / (usual * REST_SPAN), most))
     order = np.argsort(-moves)
     seen = order[moves[order] > _SEEN * moves.max()]
     tried = np.unique(np.r_[seen[:HARDEST], seen[:: max(1, len(seen) // HARDEST)]])

@@ -35,20 +35,14 @@ def whole_lines(finding: Finding) -> set[tuple[int, int]]:
 
 
 def doubled(axis: int, count: int, pairs: list[tuple[int, int]]) -> list[Finding]:
-    """Return address bits that are stuck, or the pairs of lines of which one is read twice.
-
-    Args:
-        count: of lines.
-    """
+    """Return stuck address bits of `count` lines, or the pairs of which one line is read twice."""
     if not (bits := address_bits(pairs, count)):
         return [Finding(Kind.DOUBLED, **lines(axis, *pair)) for pair in pairs]
     name, every, found = ("rows", "columns")[axis], lines(axis, *range(count)), []
     for bit in bits:
-        of = [f"{a} and {b}" for a, b in pairs if a ^ b == 1 << bit]
-        alike = f"{name} {', '.join(of)}"
-        found.append(
-            Finding(Kind.DOUBLED, "address bit", **every, numbers={"bit": bit}, detail=alike)
-        )
+        alike = ", ".join(f"{a} and {b}" for a, b in pairs if a ^ b == 1 << bit)
+        numbers, detail = {"bit": bit}, f"{name} {alike}"
+        found.append(Finding(Kind.DOUBLED, "address bit", **every, numbers=numbers, detail=detail))
     return found
 
 

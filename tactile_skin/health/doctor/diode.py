@@ -20,9 +20,8 @@ from ...solvers.evidence import SOFT, Supposed, series_scale
 from .readout import Touched
 from .recorded import FEW_TOUCHES
 
-_SUPPLY = 5.0  # V that is supposed: with another supply the same share of it is found
-# V at 1 mA, of that supply, which are tried: from Schottky diodes to silicon ones at 3.3 V. What is
-# found is right to half of a step.
+# V at 1 mA which are tried: from Schottky diodes to silicon ones at 3.3 V. What is found is right
+# to half of a step, and of another supply than `Adc.supply` the same share.
 _VOLTS = np.arange(0.06, 0.96, 0.03)
 # Touches agree if the r_par that each asks for scatters (in squared standard deviations), and
 # differs from the configured one (as share of `series_scale`), by no more: on 8 boards (seeds 21
@@ -59,17 +58,17 @@ def unknown_diode(circuit: Circuit, seen: Touched, quiet: int) -> list[Finding]:
     by_r_par = _with_r_par(circuit, seen, quiet)
     if by_r_par is None:
         return []
-    tried = {}
-    for volts in _VOLTS:
-        adc = Adc(circuit, diode=volts, supply=_SUPPLY)
-        tried[volts] = _agreement(circuit, seen.read_by(adc), quiet)
+    tried = {
+        volts: _agreement(circuit, seen.read_by(Adc(circuit, diode=volts)), quiet)
+        for volts in _VOLTS
+    }
     volts = min(tried, key=lambda v: tried[v].misfit)
     found = tried[volts]
     if found.misfit >= 1.0 or found.touches < _ALL * max(a.touches for a in tried.values()):
         return []
     if by_r_par.misfit < 1.0 and by_r_par.touches >= _ALL * found.touches:
         return []  # another r_par does as well, and needs no part that nobody mentioned
-    share = float(volts) / _SUPPLY
+    share = float(volts) / Adc.supply
     numbers = {"share": share, "of_5": 5.0 * share, "of_3": 3.3 * share}
     return [Finding(Kind.CIRCUIT, "diode", numbers=numbers)]
 
@@ -93,7 +92,7 @@ def _agreement(circuit: Circuit, seen: Touched, quiet: int) -> _Agreement:
         supposed = Supposed(circuit, conductance, SOFT)
         each = [supposed.evidence(touch, seen.noise) for touch in seen.touches]
     except ValueError:  # no cells read so
-        return _Agreement(0, np.inf, np.inf)
+        each = []
     told = [(e.score[0], e.information[0, 0]) for e in each if e is not None]
     if not told:
         return _Agreement(0, np.inf, np.inf)

@@ -120,12 +120,7 @@ def _only(now: np.ndarray, other: np.ndarray) -> Vote | None:
 
 
 def _vote(now: np.ndarray, saved: np.ndarray) -> tuple[int, Vote] | None:
-    """Return the order that most touches prefer, and by how much; None: there is none.
-
-    Args:
-        now: (touches,) variation in this order.
-        saved: (touches, orders) what each other order saves of it.
-    """
+    """Return the order that saves most of the variation `now`, and the vote; None: none does."""
     speaks = np.abs(saved) > _SPEAKS * now[:, None]
     size, count = (np.abs(saved) * speaks).sum(0), speaks.sum(0)
     share = saved.sum(0) / max(now.sum(), 1e-12)
@@ -139,11 +134,7 @@ def _vote(now: np.ndarray, saved: np.ndarray) -> tuple[int, Vote] | None:
 
 
 def _exchanged(pictures: np.ndarray) -> tuple[tuple[int, int], Vote] | None:
-    """Return the two lines without whose exchange the touches are smoother; None: there are none.
-
-    Args:
-        pictures: (touches, lines, cells of a line).
-    """
+    """Return the two lines without whose exchange touches are smoother; None: there are none."""
     lines = pictures.shape[1]
     if lines < _FEWEST_LINES or len(pictures) < FEW_TOUCHES:
         return None

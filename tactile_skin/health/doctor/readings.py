@@ -40,9 +40,7 @@ _EMPTY = 0.02  # of the readings may lie in the gap of a top bit
 _EXPLAINED = 0.9
 _NEAR_SHORT = 0.97  # of what a short circuit reads: above, hard touches read alike
 _EVEN = 0.6  # median over largest noise of a line, where all its readings are noisy
-_OPEN_NOISY = (
-    0.3  # of the usual reading, that an open line reads at most where noise leaves it more
-)
+_OPEN_NOISY = 0.3  # of the usual reading, that an open line reads at most where noise adds to it
 _TOUCHED_SELDOM = 0.9  # of the frames in which an open line reads no more
 _LOOSE = 0.25  # of all lines at most come and go: more are touches on a skin that never rests
 
@@ -214,7 +212,7 @@ def loose_lines(seen: Recorded, skip: set) -> list[Finding]:
     found = _loose(seen)
     if len(found) > _LOOSE * sum(seen.circuit.shape):
         return []
-    shares = {(axis, k): float(seen.is_open(axis)[:, k].mean()) for axis, k in found}
+    shares = {line: float(seen.is_open(line[0])[:, line[1]].mean()) for line in found}
     return [
         Finding(Kind.CONTACT, "line", **lines(*line), numbers={"share": share})
         for line, share in shares.items()

@@ -18,7 +18,6 @@ from ...physics.adc import Adc
 from ...physics.circuit import Circuit
 from ...physics.curve import PressureCurve
 from ...physics.readouts import DRIVEN, PASSIVE
-from ...solvers.reading import ROUNDING_NOISE
 from ...solvers.suspect import MODEL_ERROR
 from .advice import OFF_END, Change, felt, is_safe, of_other_scale
 
@@ -42,7 +41,7 @@ class Touched(NamedTuple):
     """What readouts are judged by."""
 
     rest: np.ndarray  # (rows, cols) ADC ratio of the untouched skin, NaN: not read
-    noise: float  # of a reading [ADC steps]
+    noise: float  # of a reading [ADC steps], of rounding at least
     touches: np.ndarray  # (n, rows, cols) ADC ratio of hard ones, NaN: not read
 
     def after(self, change: Change) -> Touched:
@@ -157,7 +156,7 @@ def _separate(seen: Touched, full: int) -> float:
     touches, rest = np.nan_to_num(seen.touches), seen.rest
     risen = touches > np.nan_to_num(rest) + _RISEN
     beside = (risen.any(2)[:, :, None] | risen.any(1)[:, None]) & ~np.isnan(rest)
-    stray = OFF_END * (max(seen.noise, ROUNDING_NOISE) + 1.0)
+    stray = OFF_END * (seen.noise + 1.0)
     still = beside & (np.abs(touches - rest) < stray / full)
     sums = np.median(np.minimum(touches.sum(1).max(1), touches.sum(2).max(1)))
     unmoved = np.median(still.sum((1, 2)) / np.maximum(beside.sum((1, 2)), 1))
@@ -197,9 +196,8 @@ def _with_r_par(supposed: Circuit, seen: Touched) -> tuple[float, Change]:
 
 def misses(circuit: Circuit, seen: Touched) -> float:
     """Median over the touches of the RMS misfit, in noise and model error; infinity: no rest."""
-    noise = max(seen.noise, ROUNDING_NOISE)
     try:
-        rest = resting_conductance(seen.rest, circuit, noise)
+        rest = resting_conductance(seen.rest, circuit, seen.noise)
         usual = 1.0 / np.median(rest[circuit.populated])
         rest = np.where(circuit.populated, np.maximum(rest, 2.0 / (usual * REST_SPAN)), 1.0 / usual)
         curve = PressureCurve((0.0, 1.0), (usual, usual / REST_SPAN)).resting_at(1.0 / rest)
@@ -207,7 +205,8 @@ def misses(circuit: Circuit, seen: Touched) -> float:
         return np.inf
     left = []
     for touch in seen.touches:
-        found = felt(touch, circuit, curve, noise)
+        found = felt(touch, circuit, curve, seen.noise)
         error = MODEL_ERROR * circuit.full_scale * np.sqrt(np.nanmean(np.square(touch)))
-        left.append(np.inf if found.status == "failed" else found.residual / np.hypot(noise, error))
+        missed = found.residual / np.hypot(seen.noise, error)
+        left.append(np.inf if found.status == "failed" else missed)
     return float(np.median(left)) if left else 0.0

@@ -162,7 +162,5 @@ def _peaks(level: np.ndarray, n: int, calm: float) -> np.ndarray:
     """Return the strongest frame of each touch."""
     noise = float(np.std(level[level <= np.quantile(level, 2 * _QUIET)]))
     size = max(_LEAST_APART, int(_APART * n)) * 2 + 1
-    top = (level == maximum_filter1d(level, size)) & (
-        level > calm + MOVED * max(noise, ROUNDING_NOISE)
-    )
-    return np.flatnonzero(top)
+    least = calm + MOVED * max(noise, ROUNDING_NOISE)
+    return np.flatnonzero((level == maximum_filter1d(level, size)) & (level > least))

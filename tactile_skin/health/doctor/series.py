@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...calibration.identify import Identified, identify
+from ...calibration.identify import SURE, Identified, identify
 from ...calibration.rest import Rest, resting_conductance
+from ...calibration.tracker import POSSIBLE
 from ...findings.finding import Finding, Kind
 from ...physics.circuit import Circuit
 from ...solvers.evidence import series_scale
@@ -19,15 +20,11 @@ from .recorded import FEW_TOUCHES, Recorded
 _ASKED = 20_000  # cells, in all touches together, for identify: it takes 0.1 s for 256;
 _LEAST_TOUCHES = 20  # and of large skins so many touches
 _HELD = 15  # frames about its peak within which a touch is looked for
-# Share, and standard deviations (what all touches share is not in their scatter), by which r_par
-# must be off: light touches make it seem larger by 0 to 5 % on 50 sound boards, where it is known
-# to 1.5 % (seed 144000).
+# Share by which r_par must be off, as what all touches share is not in their scatter: light ones
+# make it seem larger by 0 to 5 % on 50 sound boards, where it is known to 1.5 % (seed 144000).
 _SERIES = 0.075
-_SERIES_STD = 5.0
 # Ohm by which r_drive must be off: 3.4 at most on 16 boards (seeds 94000 and 94100).
 _DRIVE = 5.0
-# Percent up to which an r_ref that is off is worth a word: parts are sold at 1 to 20.
-_PARTS_OFF = 50.0
 
 
 def in_series(seen: Recorded, skip, noisy, wires: wiring.Wires) -> list[Finding]:
@@ -54,16 +51,14 @@ def in_series(seen: Recorded, skip, noisy, wires: wiring.Wires) -> list[Finding]
         found = identify(np.where(unknown, np.nan, touches), circuit, rest, soft=True)
     except ValueError:
         return []
-    said = []
-    for name, least in (("r_par", _SERIES * series_scale(circuit)), ("r_drive", _DRIVE)):
-        value, supposed = getattr(found.circuit, name), getattr(circuit, name)
-        if (
-            name == "r_drive" and not circuit.readout_class.knows_r_drive
-        ) or found.frames < FEW_TOUCHES:
-            continue
-        if abs(value - supposed) > max(least, _SERIES_STD * found.std[name]):
-            said.append(_finding(name, circuit, found))
-    return said
+    if found.frames < FEW_TOUCHES:
+        return []
+    least = {"r_par": _SERIES * series_scale(circuit)}
+    if circuit.readout_class.knows_r_drive:
+        least["r_drive"] = _DRIVE
+    off = {name: abs(getattr(found.circuit, name) - getattr(circuit, name)) for name in least}
+    said = [name for name in least if off[name] > max(least[name], SURE * found.std[name])]
+    return [_finding(name, circuit, found) for name in said]
 
 
 def _finding(name: str, supposed: Circuit, found: Identified) -> Finding:
@@ -73,8 +68,8 @@ def _finding(name: str, supposed: Circuit, found: Identified) -> Finding:
     if name == "r_drive":
         change = Change(replace(supposed, r_drive=value))
         return Finding(Kind.CIRCUIT, name, numbers=numbers, change=change)
-    off = 100.0 * (given / value - 1.0) if value > 0.0 else np.inf
-    alike = f"r_ref off by {off:+.0f} %, or a" if abs(off) < _PARTS_OFF else "A"
+    off = given / value - 1.0 if value > 0.0 else np.inf
+    alike = f"r_ref off by {100.0 * off:+.0f} %, or a" if abs(off) < POSSIBLE["r_par"] else "A"
     return Finding(Kind.CIRCUIT, name, numbers=numbers, detail=alike)
 
 

@@ -31,10 +31,8 @@ def unrested(seen: Recorded) -> Finding | None:
     standing = _standing(seen, cells)
     if not standing.any():
         return None
-    middle = at(np.argwhere(standing).mean(0))
-    return Finding(
-        Kind.TOO_LITTLE_SEEN, "lies", **middle, numbers={"count": np.count_nonzero(standing)}
-    )
+    middle, numbers = at(np.argwhere(standing).mean(0)), {"count": np.count_nonzero(standing)}
+    return Finding(Kind.TOO_LITTLE_SEEN, "lies", **middle, numbers=numbers)
 
 
 def _standing(seen: Recorded, cells: np.ndarray) -> np.ndarray:

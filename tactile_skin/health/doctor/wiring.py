@@ -12,19 +12,21 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import ndtri
 
 from ...calibration.rest import UNLIKE
 from ...physics.circuit import Circuit
 
-_TIE = 1e3  # times a cell's conductance, between two stripes that touch: more than a line has
+# Times the usual cell's conductance, of a short: at a crossing, or between two stripes that touch,
+# where it is more than a line has.
+_SHORTED = 1e3
 _INSULATION = 1e-7  # of a cell's conductance, between parts that nothing connects
 _LEAST_SCATTER = 0.003  # log of a reading's resistance, at least, of cells and of lines
 _GAIN = 60.0  # chi^2 that a damage explains at least
 _LIKELY = 0.5  # share of a line's, or a cell's, misfit that it explains at least
 _LEAST_LEAD = 0.03  # share of the usual resistance that a bad lead adds at least
 _OF_MEDIAN = (np.pi / 2.0) ** 0.5  # standard deviation of a median over that of a mean
-_OF_DEVIATIONS = 1.4826  # standard deviation over the median deviation, of a normal distribution
-_SHORTED = 1000.0  # times the usual cell's conductance, of a crossing that is shorted
+_OF_DEVIATIONS = 1.0 / ndtri(0.75)  # standard deviation over the median deviation, normal values
 _OHM = 100.0  # ohm of a lead by which readings are tried
 _MISSING = 0.05  # share of its conductance up to which a resistor is missing
 _ROUNDS = 12  # in which the usual cell's resistance is found
@@ -113,7 +115,7 @@ class Wires:
         laplacian += laplacian.T
         for axis, a, b in self.joined:
             a, b = a + axis * rows, b + axis * rows
-            laplacian[[a, b], [b, a]] -= _TIE
+            laplacian[[a, b], [b, a]] -= _SHORTED
         laplacian[np.diag_indices(nodes)] = -laplacian.sum(1)
         of_rows, of_cols = self.reads
         lines = of_rows, np.where(of_cols < 0, of_cols, of_cols + rows)
@@ -176,15 +178,13 @@ class _Fit:
         self.wires, self.model, self.off = wires.fitted(rho, known)
         self.row, self.col, self.left = _polished(self.off)
         self.scatter = max(_OF_DEVIATIONS * np.nanmedian(np.abs(self.left)), _LEAST_SCATTER)
-        self.of_lines = [
-            max(_OF_DEVIATIONS * float(np.nanmedian(np.abs(e - np.nanmedian(e)))), _LEAST_SCATTER)
-            for e in (self.row, self.col)
-        ]
+        apart = [np.abs(of - np.median(of)) for of in (self.row, self.col)]
+        self.of_lines = [max(_OF_DEVIATIONS * np.median(of), _LEAST_SCATTER) for of in apart]
 
     def best(self) -> Damage | None:
         found = [*self._lines(), *self._cells()]
         best = max(found, key=lambda d: d.gain, default=None)
-        return best if best is not None and best.gain > _GAIN else None
+        return best if best and best.gain > _GAIN else None
 
     def _cost(self, axis: int, off: np.ndarray) -> float:
         """chi^2 of a line's (n,) differences from the others: a common one, and one of each."""
@@ -315,10 +315,9 @@ class _Fit:
 def _polished(off: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Medians of rows, of columns, and what is left of a picture with NaN."""
     row, col = np.zeros(off.shape[0]), np.zeros(off.shape[1])
-    with np.errstate(all="ignore"):
-        for _ in range(3):
-            row = np.nan_to_num(_median(off - col, 1))
-            col = np.nan_to_num(_median(off - row[:, None], 0))
+    for _ in range(3):
+        row = _median(off - col, 1)
+        col = _median(off - row[:, None], 0)
     return row, col, off - row[:, None] - col
 
 
