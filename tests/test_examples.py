@@ -17,8 +17,8 @@ LINES = 41  # with its license
 AT_ONCE = 2  # most of them wait; more would keep the skins from the processor
 # name -> its arguments, the longest first
 ARGUMENTS = {
-    "touch_events": ["18"],  # s: the demo's push comes after 9 s, its stroke after 12.5 s
-    "stop_hook": ["15"],
+    "touch_events": ["16"],  # s: the demo's push comes after 9 s, its stroke after 12.5 s
+    "stop_hook": ["13"],
     "gestures": ["10"],
     "body": ["13"],
     "print_contacts": ["4"],

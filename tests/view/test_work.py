@@ -118,7 +118,7 @@ def answer(browser, text="", to=""):
     browser.run(CHANGE % text)
 
 
-@pytest.mark.ci
+@pytest.mark.slow  # CI runs the next one, which detects the board first
 def test_an_unknown_board_is_calibrated_in_the_page_alone(newcomer, tmp_path):
     """To newtons within 5 % in the median; a step survives a reload of the page."""
     browser, hands, work = newcomer
