@@ -33,8 +33,8 @@ _RESTART_AFTER = 4  # suspect or failed frames in a row after which the last one
 _FRAMES = 2.0
 _SHORTEST = 0.05  # s
 _LONGEST = 0.5  # s: a push must not wait for longer
-# s for which a touch begins: the low-pass of a board of 100 frames a second mixes scans, which no
-# picture explains, and the stop waits for none.
+# s for which a touch counts as beginning, and `auto` hurries: a board's low-pass mixes scans then
+# (two frames at 100 a second), and a fit takes longest where no picture explains the readings.
 _BEGINS = 0.025
 _FOLLOW = 0.1  # share of the usual interval between frames that each frame renews
 

@@ -45,11 +45,11 @@ from .stop_on_push import (
 )
 from .touch import xyz
 
+_NEWEST = 1  # messages of a topic that wait: a body that lags reads a stop before old contacts
 _SKIN = "skin"  # field of a contact: the place of its skin in the parameter `skins`, from 0
 # key of a value: each skin and how old the reading of its stop was when the body heard it [s];
 # below 0: the clock of its computer is ahead
 AGES = "ages"
-_NEWEST = 1  # message a topic: what a body that lags has not read yet keeps no stop waiting
 STOPPING = "skins"  # key of a value of the status: the skins that stop the body, between spaces
 
 
