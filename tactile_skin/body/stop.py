@@ -18,7 +18,9 @@ class BodyStop:
     """Takes what each skin's stop says, and how hard each is touched; times are of one clock [s].
 
     Each skin judges its own pushes. Here only a push that lies on several of them is judged: by the
-    sum of their forces, with the limits of the body.
+    sum of their forces, with the limits of the body. With `latch` the body keeps such a push, and
+    what its skins know nothing of: that one is silent, late, of another clock, or nowhere on tf.
+    Before it was free for the first time only a push latches.
 
     Args:
         skins: their names, which the reasons begin with.
@@ -36,7 +38,8 @@ class BodyStop:
         self._faults: dict[str, str] = {}
         self._push = ""  # the skins that a push lies on together
         self._held_until = -math.inf
-        self._latched = ""
+        self._was_free = False
+        self._latched = ""  # the reason that waits for a reset, with the names of its skins
 
     def hear(self, t: float, skin: str, message: StopMessage, stamp: float = -math.inf) -> None:
         """Take a message of a skin's stop.
@@ -64,16 +67,25 @@ class BodyStop:
         total = sum(here.values())
         if len(here) > 1 and total >= self.config.threshold:
             self._push, self._held_until = " and ".join(sorted(here)), stamp + self.config.hold
-            if self.config.latch:
-                self._latched = self._push
+            self._latch(self._push, Cause.PUSH.value)
         elif self._push and total > self.config.release:
             self._held_until = stamp + self.config.hold
 
+    def _latch(self, who: str, words: str) -> None:
+        if self.config.latch and not self._latched:
+            self._latched = f"{who}: {Reason(Cause.LATCHED, words)}"
+
     def reset(self, t: float) -> str:
-        """Free a latched push; what still stops the body is returned."""
-        if t > self._held_until:
+        """Free a latched stop; while a cause of one lasts it stays, and is returned."""
+        if set(self.decide(t).causes) <= {Cause.LATCHED}:
             self._latched = ""
         return self.decide(t).reason
+
+    def _pushed(self, t: float) -> bool:
+        """Whether a push on several skins is on: a reading counts until the next."""
+        self._held_until = min(self._held_until, t + self.config.hold)  # the clock was set back
+        here = sum(force for when, force in self._forces.values() if t - when <= _OLDEST)
+        return bool(self._push) and (t <= self._held_until or here > self.config.release)
 
     def decide(self, t: float) -> Decision:
         """Return what holds at t, also when nothing comes: call it on a timer."""
@@ -88,15 +100,20 @@ class BodyStop:
                 decision = Decision(True, said, (*message.causes, clock.cause))
             if decision.stop:
                 reasons.append((f"{skin}: {decision.reason}", decision.causes or (Cause.FAULT,)))
+                if self._was_free and decision.reason != message.reason:  # not its own stop
+                    self._latch(skin, decision.reason)
             if words := self._faults.get(skin):
-                reasons.append((f"{skin}: {Reason(Cause.FAULT, words)}", (Cause.FAULT,)))
-        if t <= self._held_until:
+                fault = Reason(Cause.FAULT, words)
+                reasons.append((f"{skin}: {fault}", (fault.cause,)))
+                if self._was_free:
+                    self._latch(skin, str(fault))
+        if self._pushed(t):
             reasons.append((f"{self._push}: {Cause.PUSH.value}", (Cause.PUSH,)))
         else:
             self._push = ""
+        self._was_free = self._was_free or not reasons
         if self._latched:
-            latched = Reason(Cause.LATCHED, Cause.PUSH.value)
-            reasons.append((f"{self._latched}: {latched}", (Cause.LATCHED,)))
+            reasons.append((self._latched, (Cause.LATCHED,)))
         causes = tuple(dict.fromkeys(cause for _, found in reasons for cause in found))
         return Decision(bool(reasons), " + ".join(words for words, _ in reasons), causes)
 

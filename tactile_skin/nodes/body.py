@@ -58,8 +58,9 @@ class Body:
 
     Publishes skin/stop and skin/stop_status, whose reason begins with the skin's name; and, once
     for each frame of the fastest skin, skin/contacts, with the field `skin` and ids that stay
-    across seams, skin/wrench, skin/centre and skin/push_direction. The service `~/reset` frees a
-    latched push that lay on several skins; each skin's own stop has one as well.
+    across seams, skin/wrench, skin/centre and skin/push_direction. The service `~/reset` frees what
+    the body latched: a push that lay on several skins, or a skin that was silent, late or nowhere
+    on tf; each skin's own stop has one as well.
 
     Where a skin's frame_id is not the body's, tf says where it is; until it does the body is
     stopped. Such a skin may move, and has no neighbours.
