@@ -146,8 +146,11 @@ class Gate:
         if self._push is None:
             return zero(f"push: {self._trouble}")
         direction, places = self._push
-        velocity = linear + np.cross(angular, places)  # (n, 3) of the touched points
-        speed = np.linalg.norm(velocity, axis=1)
+        with np.errstate(over="ignore", invalid="ignore"):
+            velocity = linear + np.cross(angular, places)  # (n, 3) of the touched points
+            speed = np.linalg.norm(velocity, axis=1)
+        if not np.isfinite(speed).all():  # the square of 1e155 m/s is not
+            return zero("the command is not finite")
         into = -(velocity @ direction)
         against = into > 1e-9 * speed
         if not against.any():

@@ -231,6 +231,14 @@ def test_a_command_that_is_no_number_is_zero(bad):
     assert is_zero(ask(gate, angular=(0.0, 0.0, bad)))
 
 
+@pytest.mark.parametrize("speed", [1e153, 1e155, 1e308])
+@pytest.mark.parametrize("side", EIGHT)
+def test_no_command_is_too_large_to_be_against_a_push(speed, side):
+    """Its square, and so its length, may be infinite though it is not."""
+    assert is_zero(ask(pushed(side), speed * unit(side)))
+    assert is_zero(ask(pushed(side), speed * unit(side), (0.0, 0.0, speed)))
+
+
 def test_a_squeeze_blocks_both_sides():
     """Its vectors cancel: 40 N from the left and 30 N from the right are 10 N from the left."""
     gate = Gate(CONFIG)
