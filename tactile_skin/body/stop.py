@@ -59,7 +59,7 @@ class BodyStop:
         self._faults[skin] = words
 
     def touched(self, skin: str, stamp: float, force: float) -> None:
-        """Take the sum of a skin's contact forces [N]."""
+        """Take what a skin's stop counts the sum of its contact forces as [N]."""
         self._forces[skin] = stamp, force
         here = {
             name: f for name, (when, f) in self._forces.items() if stamp - when <= _OLDEST and f > 0

@@ -38,6 +38,7 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 STATUS_TOPIC = "skin/stop_status"
 # deep enough for a stop that lasts one decision not to be pushed out by the next
 STATUS = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+COUNTS_AS = "counts_as"  # key of a value: the force that the stop compares [N]
 CAUSES = "causes"  # key of a value: what stops the robot, separated by spaces
 HEARTBEAT = 0.02  # s, between decisions when no reading comes
 _END = 0.95  # of the curve's last force, which noise keeps a cell from reading quite
@@ -240,7 +241,7 @@ class StopOnPush:
         interval = self.policy.interval
         values = {
             "force": f"{self._force:.2f}",
-            "counts_as": f"{self._most:.2f}",
+            COUNTS_AS: f"{self._most:.2f}",
             "threshold": f"{self.policy.config.threshold:g}",
             "peak": f"{self.policy.config.peak:g}",
             "push": str(self.policy.pushed).lower(),
