@@ -175,10 +175,11 @@ class StopOnPush:
         self.policy.configure(config)
 
     def on_contacts(self, msg: PointCloud2) -> None:
-        self._header = msg.header
         columns = cloud_columns(msg, "force", "peak")
-        self._force = _unless_negative(columns["force"], np.sum)
-        largest = _unless_negative(columns["peak"], np.max)
+        force, peak = columns["force"], columns["peak"]
+        self._header = msg.header  # not of one that cannot be read: "free" rests on its stamp
+        self._force = _unless_negative(force, np.sum)
+        largest = _unless_negative(peak, np.max)
         more = self._at_most(largest, self._force) if self._force > 0.0 else 1.0
         self._most = more * self._force
         stamp = seconds(msg.header)
