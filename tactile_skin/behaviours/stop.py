@@ -216,7 +216,7 @@ class StopPolicy:
         if self._held_until is not None:
             if force > config.release:
                 self._held_until = stamp + config.hold
-            elif stamp >= self._held_until:
+            elif stamp >= self._held_until and self._above_since is None:
                 self._held_until = None
         return self.decide(t)
 

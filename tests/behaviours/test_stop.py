@@ -164,6 +164,17 @@ def test_a_hard_edge_on_one_cell_is_a_push():
     assert decision[:2] == (True, "push")
 
 
+def test_without_a_hold_a_hard_edge_and_a_rise_stop_for_as_long_as_they_last():
+    """A cell's peak, and a force that will soon exceed the threshold, lie below the release."""
+    policy = StopPolicy(StopConfig(threshold=30.0, release=20.0, hold=0.0, lead=0.01))
+    feed(policy, 0.0, 0.5, 0.0)
+    for k in range(3):
+        assert policy.reading(0.5 + k / 100, 9.5, peak=9.5)[:2] == (True, "push")
+    assert not policy.reading(0.53, 0.0).stop
+    assert policy.reading(0.54, 16.0)[:2] == (True, "push")
+    assert not policy.reading(0.55, 16.0).stop
+
+
 def test_a_fault_stops_until_it_is_taken_back():
     policy = StopPolicy(CONFIG)
     feed(policy, 0.0, 0.1, 0.0)
