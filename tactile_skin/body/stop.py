@@ -61,9 +61,7 @@ class BodyStop:
     def touched(self, skin: str, stamp: float, force: float) -> None:
         """Take what a skin's stop counts the sum of its contact forces as [N]."""
         self._forces[skin] = stamp, force
-        here = {
-            name: f for name, (when, f) in self._forces.items() if stamp - when <= _OLDEST and f > 0
-        }
+        here = self._touched(stamp)
         total = sum(here.values())
         if len(here) > 1 and total >= self.config.threshold:
             self._push, self._held_until = " and ".join(sorted(here)), stamp + self.config.hold
@@ -84,8 +82,14 @@ class BodyStop:
     def _pushed(self, t: float) -> bool:
         """Whether a push on several skins is on: a reading counts until the next."""
         self._held_until = min(self._held_until, t + self.config.hold)  # the clock was set back
-        here = sum(force for when, force in self._forces.values() if t - when <= _OLDEST)
-        return bool(self._push) and (t <= self._held_until or here > self.config.release)
+        pressed = sum(self._touched(t).values()) > self.config.release
+        return bool(self._push) and (t <= self._held_until or pressed)
+
+    def _touched(self, t: float) -> dict[str, float]:
+        """Skins that are touched -> force [N]; one that is no number counts in its own stop."""
+        return {
+            name: f for name, (when, f) in self._forces.items() if t - when <= _OLDEST and f > 0
+        }
 
     def decide(self, t: float) -> Decision:
         """Return what holds at t, also when nothing comes: call it on a timer."""
