@@ -33,7 +33,8 @@ class BodyStop:
         words = str(Reason(Cause.WAITING, "no message from its stop yet"))
         waiting = StopMessage(True, words, causes=(Cause.WAITING,))
         self._messages = {skin: (t, waiting) for skin in skins}
-        self._forces: dict[str, tuple[float, float]] = {}  # skin -> stamp, newton
+        # skin -> stamp, newton; of all from the start: `close` reads it in another thread
+        self._forces = dict.fromkeys(self._messages, (-math.inf, 0.0))
         self._clocks: dict[str, Reason] = {}  # of skins whose stamps do not fit the body's clock
         self._faults: dict[str, str] = {}
         self._push = ""  # the skins that a push lies on together
