@@ -61,6 +61,8 @@ class BodyStop:
 
     def touched(self, skin: str, stamp: float, force: float) -> None:
         """Take what a skin's stop counts the sum of its contact forces as [N]."""
+        if (stamp, force) == self._forces[skin]:
+            return  # a heartbeat: the same reading
         self._forces[skin] = stamp, force
         here = self._touched(stamp)
         total = sum(here.values())

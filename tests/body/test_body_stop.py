@@ -120,6 +120,14 @@ def test_an_old_force_does_not_count(body):
     assert not body.decide(0.6).stop
 
 
+def test_a_heartbeat_of_a_skin_without_readings_makes_no_push_of_an_old_force(body):
+    body.touched("chest", 0.0, 25.0)
+    keep_free(body, 5.0)
+    body.touched("back", 5.0, 25.0)
+    body.touched("chest", 0.0, 25.0)
+    assert not body.decide(5.0).stop
+
+
 def test_a_latched_push_across_two_lasts_until_a_reset():
     stop = BodyStop(("chest", "back"), StopConfig(latch=True), 0.0)
     stop.touched("chest", 0.0, 20.0)
