@@ -42,7 +42,8 @@ class Motion(NamedTuple):
 class GateConfig(Checked):
     """When the gate lets a command pass.
 
-    A touch below `touch` has no direction of its own: the last one holds until the push is over.
+    A touch below `touch` has no direction of its own: the last one holds until the push is over, or
+    something touches another side.
     The alignment is 1 for a finger, 0.9 for two equal pushes 52 degrees apart, 0 for a squeeze.
     """
 
@@ -117,6 +118,8 @@ class Gate:
                 self._push, self._trouble = None, "its direction is unknown: set geometry.shape"
             else:
                 self._push, self._trouble = None, "it comes from several sides"
+        elif self._push and vector @ self._push[0] < self.config.alignment * total:
+            self._push, self._trouble = None, "it comes from several sides"  # another hand
         self._forget_what_is_over()
 
     def decide(self, t: float) -> Motion:
@@ -146,8 +149,11 @@ class Gate:
         if self._push is None:
             return zero(f"push: {self._trouble}")
         direction, places = self._push
-        velocity = linear + np.cross(angular, places)  # (n, 3) of the touched points
-        speed = np.linalg.norm(velocity, axis=1)
+        with np.errstate(over="ignore", invalid="ignore"):
+            velocity = linear + np.cross(angular, places)  # (n, 3) of the touched points
+            speed = np.linalg.norm(velocity, axis=1)
+        if not np.isfinite(speed).all():  # the square of 1e155 m/s is not
+            return zero("the command is not finite")
         into = -(velocity @ direction)
         against = into > 1e-9 * speed
         if not against.any():

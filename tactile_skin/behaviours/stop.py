@@ -181,15 +181,17 @@ class StopPolicy:
         if stamp <= self._newest or t - stamp > self.stale_after:
             self._old_at = t
         if self._newest > t + MAX_AHEAD:  # the clock was set back: begin anew, stopped
-            self._newest, self._above_since, self._held_until = -math.inf, None, None
+            self._newest, self._above_since = -math.inf, None
+            if self.pushed:  # only readings end a push: the hold begins anew
+                self._held_until = t + self.config.hold
             self._lates = self._olds = 0
             self._pace.forget()
         if not (0.0 <= force < math.inf and 0.0 <= peak < math.inf):
             self.fault("reading", f"invalid force: {force} N in all, {peak} N on one cell")
             return self.decide(t)
-        self.fault("reading", "")
         if stamp <= self._newest or stamp > t + MAX_AHEAD:
             return self.decide(t)
+        self.fault("reading", "")
         config = self.config
         gap = stamp - self._newest
         if math.isfinite(gap):
@@ -214,7 +216,7 @@ class StopPolicy:
         if self._held_until is not None:
             if force > config.release:
                 self._held_until = stamp + config.hold
-            elif stamp >= self._held_until:
+            elif stamp >= self._held_until and self._above_since is None:
                 self._held_until = None
         return self.decide(t)
 

@@ -18,7 +18,9 @@ class BodyStop:
     """Takes what each skin's stop says, and how hard each is touched; times are of one clock [s].
 
     Each skin judges its own pushes. Here only a push that lies on several of them is judged: by the
-    sum of their forces, with the limits of the body.
+    sum of their forces, with the limits of the body. With `latch` the body keeps such a push, and
+    what its skins know nothing of: that one is silent, late, of another clock, or nowhere on tf.
+    Before it was free for the first time only a push latches.
 
     Args:
         skins: their names, which the reasons begin with.
@@ -31,12 +33,14 @@ class BodyStop:
         words = str(Reason(Cause.WAITING, "no message from its stop yet"))
         waiting = StopMessage(True, words, causes=(Cause.WAITING,))
         self._messages = {skin: (t, waiting) for skin in skins}
-        self._forces: dict[str, tuple[float, float]] = {}  # skin -> stamp, newton
+        # skin -> stamp, newton; of all from the start: `close` reads it in another thread
+        self._forces = dict.fromkeys(self._messages, (-math.inf, 0.0))
         self._clocks: dict[str, Reason] = {}  # of skins whose stamps do not fit the body's clock
         self._faults: dict[str, str] = {}
         self._push = ""  # the skins that a push lies on together
         self._held_until = -math.inf
-        self._latched = ""
+        self._was_free = False
+        self._latched = ""  # the reason that waits for a reset, with the names of its skins
 
     def hear(self, t: float, skin: str, message: StopMessage, stamp: float = -math.inf) -> None:
         """Take a message of a skin's stop.
@@ -56,24 +60,39 @@ class BodyStop:
         self._faults[skin] = words
 
     def touched(self, skin: str, stamp: float, force: float) -> None:
-        """Take the sum of a skin's contact forces [N]."""
+        """Take what a skin's stop counts the sum of its contact forces as [N]."""
+        if (stamp, force) == self._forces[skin]:
+            return  # a heartbeat: the same reading
         self._forces[skin] = stamp, force
-        here = {
-            name: f for name, (when, f) in self._forces.items() if stamp - when <= _OLDEST and f > 0
-        }
+        here = self._touched(stamp)
         total = sum(here.values())
         if len(here) > 1 and total >= self.config.threshold:
             self._push, self._held_until = " and ".join(sorted(here)), stamp + self.config.hold
-            if self.config.latch:
-                self._latched = self._push
+            self._latch(self._push, Cause.PUSH.value)
         elif self._push and total > self.config.release:
             self._held_until = stamp + self.config.hold
 
+    def _latch(self, who: str, words: str) -> None:
+        if self.config.latch and not self._latched:
+            self._latched = f"{who}: {Reason(Cause.LATCHED, words)}"
+
     def reset(self, t: float) -> str:
-        """Free a latched push; what still stops the body is returned."""
-        if t > self._held_until:
+        """Free a latched stop; while a cause of one lasts it stays, and is returned."""
+        if set(self.decide(t).causes) <= {Cause.LATCHED}:
             self._latched = ""
         return self.decide(t).reason
+
+    def _pushed(self, t: float) -> bool:
+        """Whether a push on several skins is on: a reading counts until the next."""
+        self._held_until = min(self._held_until, t + self.config.hold)  # the clock was set back
+        pressed = sum(self._touched(t).values()) > self.config.release
+        return bool(self._push) and (t <= self._held_until or pressed)
+
+    def _touched(self, t: float) -> dict[str, float]:
+        """Skins that are touched -> force [N]; one that is no number counts in its own stop."""
+        return {
+            name: f for name, (when, f) in self._forces.items() if t - when <= _OLDEST and f > 0
+        }
 
     def decide(self, t: float) -> Decision:
         """Return what holds at t, also when nothing comes: call it on a timer."""
@@ -88,15 +107,20 @@ class BodyStop:
                 decision = Decision(True, said, (*message.causes, clock.cause))
             if decision.stop:
                 reasons.append((f"{skin}: {decision.reason}", decision.causes or (Cause.FAULT,)))
+                if self._was_free and decision.reason != message.reason:  # not its own stop
+                    self._latch(skin, decision.reason)
             if words := self._faults.get(skin):
-                reasons.append((f"{skin}: {Reason(Cause.FAULT, words)}", (Cause.FAULT,)))
-        if t <= self._held_until:
+                fault = Reason(Cause.FAULT, words)
+                reasons.append((f"{skin}: {fault}", (fault.cause,)))
+                if self._was_free:
+                    self._latch(skin, str(fault))
+        if self._pushed(t):
             reasons.append((f"{self._push}: {Cause.PUSH.value}", (Cause.PUSH,)))
         else:
             self._push = ""
+        self._was_free = self._was_free or not reasons
         if self._latched:
-            latched = Reason(Cause.LATCHED, Cause.PUSH.value)
-            reasons.append((f"{self._latched}: {latched}", (Cause.LATCHED,)))
+            reasons.append((self._latched, (Cause.LATCHED,)))
         causes = tuple(dict.fromkeys(cause for _, found in reasons for cause in found))
         return Decision(bool(reasons), " + ".join(words for words, _ in reasons), causes)
 

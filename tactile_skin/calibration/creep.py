@@ -17,6 +17,7 @@ from ..solvers import compensate
 from .rest import Rest, check_frames, check_times
 
 LIMIT = 0.2  # share of what a cell conducts that is taken out at most
+_END = 0.99  # of the curve's last force, from which on a cell may bear any load, and gains nothing
 LAID = 5.0  # s that an object has lain there, about, when its weight is known: see `as_it_comes`
 _DECADES = 6  # of time that are followed: days are no standing load
 _GONE = 0.8  # of what it was, below which a load has gone, or a part of it, and its gain with it
@@ -147,7 +148,8 @@ class Standing:
 
     A cell's gain is a sum of what remembers its load for a third of `Creep.time` to a day. A change
     of the load is seen at once and in full. The force is never raised, and never reduced by more
-    than `LIMIT` of what the cell conducts. What a load that goes had gained goes with it, and the
+    than `LIMIT` of what the cell conducts, nor at all at the end of the curve: there it is a lower
+    bound, and the stop must not lose it. What a load that goes had gained goes with it, and the
     next one starts anew.
     """
 
@@ -180,4 +182,5 @@ class Standing:
             load = np.maximum(added - gained, (1.0 - LIMIT) * added)
         self._load = load
         at_rest = 1.0 / self._curve.points[0][1]
-        return np.minimum(self._curve.force_at(np.log(load + at_rest)), force)
+        least = np.minimum(self._curve.force_at(np.log(load + at_rest)), force)
+        return np.where(force < _END * self._curve.force(np.zeros_like(force)), least, force)

@@ -36,6 +36,7 @@ from . import now, seconds
 from .frames import hear
 from .gesture_feature import CONTACT, heard
 from .stop_on_push import (
+    COUNTS_AS,
     HEARTBEAT,
     STATUS,
     STATUS_TOPIC,
@@ -58,8 +59,9 @@ class Body:
 
     Publishes skin/stop and skin/stop_status, whose reason begins with the skin's name; and, once
     for each frame of the fastest skin, skin/contacts, with the field `skin` and ids that stay
-    across seams, skin/wrench, skin/centre and skin/push_direction. The service `~/reset` frees a
-    latched push that lay on several skins; each skin's own stop has one as well.
+    across seams, skin/wrench, skin/centre and skin/push_direction. The service `~/reset` frees what
+    the body latched: a push that lay on several skins, or a skin that was silent, late or nowhere
+    on tf; each skin's own stop has one as well.
 
     Where a skin's frame_id is not the body's, tf says where it is; until it does the body is
     stopped. Such a skin may move, and has no neighbours.
@@ -128,6 +130,8 @@ class Body:
         t = now(self.node)
         self._bases[name] = seconds(msg.header)
         self._ages[name] = t - self._bases[name]
+        values = {pair.key: pair.value for pair in msg.status[0].values}
+        self.stop.touched(name, self._bases[name], float(values[COUNTS_AS]))
         self.stop.hear(t, name, stop_message_of(msg, t), self._bases[name])
         self._decide(t, always=False)
 
@@ -150,8 +154,6 @@ class Body:
             for row in table.astype(float)
         ]
         self.tracker.update(stamp, name, pieces)
-        self.stop.touched(name, stamp, sum(p.force for p in pieces))
-        self._decide(now(self.node), always=False)
         self._stamps[name] = stamp
         if self._wrenches.get(name, (None,))[0] == stamp:
             self._joined(name, msg.header)

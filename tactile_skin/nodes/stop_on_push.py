@@ -38,6 +38,7 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 STATUS_TOPIC = "skin/stop_status"
 # deep enough for a stop that lasts one decision not to be pushed out by the next
 STATUS = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+COUNTS_AS = "counts_as"  # key of a value: the force that the stop compares [N]
 CAUSES = "causes"  # key of a value: what stops the robot, separated by spaces
 HEARTBEAT = 0.02  # s, between decisions when no reading comes
 _END = 0.95  # of the curve's last force, which noise keeps a cell from reading quite
@@ -174,10 +175,11 @@ class StopOnPush:
         self.policy.configure(config)
 
     def on_contacts(self, msg: PointCloud2) -> None:
-        self._header = msg.header
         columns = cloud_columns(msg, "force", "peak")
-        self._force = _unless_negative(columns["force"], np.sum)
-        largest = _unless_negative(columns["peak"], np.max)
+        force, peak = columns["force"], columns["peak"]
+        self._header = msg.header  # not of one that cannot be read: "free" rests on its stamp
+        self._force = _unless_negative(force, np.sum)
+        largest = _unless_negative(peak, np.max)
         more = self._at_most(largest, self._force) if self._force > 0.0 else 1.0
         self._most = more * self._force
         stamp = seconds(msg.header)
@@ -240,7 +242,7 @@ class StopOnPush:
         interval = self.policy.interval
         values = {
             "force": f"{self._force:.2f}",
-            "counts_as": f"{self._most:.2f}",
+            COUNTS_AS: f"{self._most:.2f}",
             "threshold": f"{self.policy.config.threshold:g}",
             "peak": f"{self.policy.config.peak:g}",
             "push": str(self.policy.pushed).lower(),

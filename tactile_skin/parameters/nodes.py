@@ -121,9 +121,9 @@ class GestureFeature(Framed):
     cell_threshold: float = parameter(
         0.2,
         "N",
-        "a contact has a cell above this (20 g), or 200 times this in total",
+        "a contact has a cell above this (20 g), or 200 times this, at most 40 N, in total",
         1e-3,
-        10.0,
+        1.0,
         live=True,
     )
 

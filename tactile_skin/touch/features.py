@@ -20,6 +20,7 @@ _RIM = 0.1  # of the threshold: what lies around a touched cell belongs to its c
 # Times the threshold: force of a touch that is soft all over, 40 N at 20 g. Less would make a touch
 # of the 35 N that the naive method sees on an idle skin.
 _SOFT = 200.0
+_MOST_SOFT = 40.0  # N, of it at most: the stop must see a body whatever the threshold
 # Of the lower of two peaks, which are two touches if the force between them falls below it. Chosen
 # on pairs of pads, scored in docs/touch.md.
 _VALLEY = 0.6
@@ -104,14 +105,15 @@ def segment(force: np.ndarray, cell_threshold: float) -> tuple[np.ndarray, np.nd
     Args:
         force: (rows, cols) [N].
         cell_threshold: a hill whose strongest cell has no more [N] is no contact, unless all its
-            cells have 200 times as much together: a body that leans on many cells is soft on each.
+            cells have 200 times as much, or 40 N, together: a body that leans on many cells is soft
+            on each.
 
     Returns:
         (m,) places of the touched cells in the flattened picture; (m,) each one's contact, from 0;
         number of contacts.
     """
     flat, nothing = force.ravel(), np.zeros(0, int)
-    soft = _SOFT * cell_threshold
+    soft = min(_SOFT * cell_threshold, _MOST_SOFT)
     rim = _RIM * cell_threshold
     highest = flat.max()
     if highest <= rim:

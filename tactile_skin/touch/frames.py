@@ -9,7 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-_OLDEST = 0.5  # s that a transform may be older than what it is used for: an arm moves on
+# s that a transform may be older than what it is used for, since an arm moves on; or newer: one of
+# before the clock was set back would last
+_OLDEST = 0.5
 
 
 class Pose(NamedTuple):
@@ -59,7 +61,7 @@ def quaternion_of(rotation: np.ndarray) -> tuple[float, float, float, float]:
 
 
 class Frames:
-    """Takes transforms in any order; the newest of a frame counts."""
+    """Takes transforms in any order; the last of a frame counts."""
 
     def __init__(self) -> None:
         self._parents: dict[str, tuple[str, Pose, float]] = {}  # child -> parent, pose, stamp [s]
@@ -72,7 +74,7 @@ class Frames:
         """Return the pose of `source` in `target` at t [s].
 
         Raises:
-            LookupError: they are not connected, or by a transform that is too old.
+            LookupError: they are not connected, or by a transform of another time.
         """
         to_root = {}
         for name in (target.lstrip("/"), source.lstrip("/")):
@@ -93,6 +95,6 @@ class Frames:
             if name not in self._parents:
                 return
             parent, step, stamp = self._parents[name]
-            if t - stamp > _OLDEST:
+            if abs(t - stamp) > _OLDEST and math.isfinite(stamp):
                 return
             name, pose = parent, step.after(pose)

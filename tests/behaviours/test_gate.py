@@ -231,6 +231,14 @@ def test_a_command_that_is_no_number_is_zero(bad):
     assert is_zero(ask(gate, angular=(0.0, 0.0, bad)))
 
 
+@pytest.mark.parametrize("speed", [1e153, 1e155, 1e308])
+@pytest.mark.parametrize("side", EIGHT)
+def test_no_command_is_too_large_to_be_against_a_push(speed, side):
+    """Its square, and so its length, may be infinite though it is not."""
+    assert is_zero(ask(pushed(side), speed * unit(side)))
+    assert is_zero(ask(pushed(side), speed * unit(side), (0.0, 0.0, speed)))
+
+
 def test_a_squeeze_blocks_both_sides():
     """Its vectors cancel: 40 N from the left and 30 N from the right are 10 N from the left."""
     gate = Gate(CONFIG)
@@ -288,6 +296,18 @@ def test_while_a_push_is_held_after_its_release_its_last_direction_holds():
         assert is_zero(ask(gate, (1.0, 0.0, 0.0), t=t))
     gate.stop(10.3, FREE)
     assert not is_zero(ask(gate, (1.0, 0.0, 0.0), t=10.3))
+
+
+@pytest.mark.parametrize("course", EIGHT)
+def test_a_light_touch_on_another_side_ends_the_last_direction(course):
+    """Where the stop's threshold is lower than `touch`, it is a push: of a finger, say."""
+    gate = pushed(0.0)
+    gate.touch(10.1, 3.0, -3.0 * unit(0.2), RADIUS * unit(0.2))  # the same hand, as it leaves
+    assert not is_zero(ask(gate, -unit(0.0), t=10.1))
+    gate.touch(10.2, 4.0, 4.0 * unit(0.0), -RADIUS * unit(0.0))
+    gate.stop(10.2, PUSH)
+    motion = ask(gate, unit(course), t=10.2)
+    assert is_zero(motion) and motion.reason == "push: it comes from several sides"
 
 
 def test_the_next_push_does_not_take_the_last_ones_direction():

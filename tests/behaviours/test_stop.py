@@ -122,6 +122,24 @@ def test_a_clock_that_is_set_back_stops_and_begins_anew():
     assert policy.decide(1400.23)[:2] == (True, "push")
 
 
+def test_a_clock_that_is_set_back_ends_no_push():
+    """A hand that has let go a little, but not below the release, is still there."""
+    policy = StopPolicy(CONFIG)
+    feed(policy, 5000.0, 0.1, 12.0)
+    assert feed(policy, 1400.0, 1.0, 8.0)[:2] == (True, "push")
+    assert feed(policy, 1401.0, 0.28, 0.0).stop
+    assert not feed(policy, 1401.28, 0.05, 0.0).stop
+
+
+def test_a_reading_that_proves_nothing_takes_back_no_invalid_one():
+    policy = StopPolicy(CONFIG)
+    feed(policy, 0.0, 0.5, 0.0)
+    policy.reading(0.5, float("nan"))
+    assert policy.reading(0.505, 0.0, stamp=0.49).reason.startswith("fault: reading")
+    assert policy.reading(0.505, 0.0, stamp=3600.0).reason.startswith("fault: reading")
+    assert not policy.reading(0.51, 0.0).stop
+
+
 def test_a_stamp_from_the_future_proves_nothing():
     policy = StopPolicy(CONFIG)
     for k in range(100):
@@ -144,6 +162,17 @@ def test_a_hard_edge_on_one_cell_is_a_push():
     for k in range(3):
         decision = policy.reading(0.5 + k / 100, 9.5, peak=9.5)
     assert decision[:2] == (True, "push")
+
+
+def test_without_a_hold_a_hard_edge_and_a_rise_stop_for_as_long_as_they_last():
+    """A cell's peak, and a force that will soon exceed the threshold, lie below the release."""
+    policy = StopPolicy(StopConfig(threshold=30.0, release=20.0, hold=0.0, lead=0.01))
+    feed(policy, 0.0, 0.5, 0.0)
+    for k in range(3):
+        assert policy.reading(0.5 + k / 100, 9.5, peak=9.5)[:2] == (True, "push")
+    assert not policy.reading(0.53, 0.0).stop
+    assert policy.reading(0.54, 16.0)[:2] == (True, "push")
+    assert not policy.reading(0.55, 16.0).stop
 
 
 def test_a_fault_stops_until_it_is_taken_back():

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """When a body of skins stops, and what it says: on a driven clock."""
 
+import math
+
 import pytest
 
 from tactile_skin.behaviours.stop import Cause, StopConfig, StopMessage
@@ -118,6 +120,14 @@ def test_an_old_force_does_not_count(body):
     assert not body.decide(0.6).stop
 
 
+def test_a_heartbeat_of_a_skin_without_readings_makes_no_push_of_an_old_force(body):
+    body.touched("chest", 0.0, 25.0)
+    keep_free(body, 5.0)
+    body.touched("back", 5.0, 25.0)
+    body.touched("chest", 0.0, 25.0)
+    assert not body.decide(5.0).stop
+
+
 def test_a_latched_push_across_two_lasts_until_a_reset():
     stop = BodyStop(("chest", "back"), StopConfig(latch=True), 0.0)
     stop.touched("chest", 0.0, 20.0)
@@ -127,6 +137,79 @@ def test_a_latched_push_across_two_lasts_until_a_reset():
     keep_free(stop, 1.0)
     assert stop.decide(1.0).reason == "back and chest: latched: push"
     assert stop.reset(1.0) == ""
+
+
+@pytest.mark.parametrize(
+    ("hold", "period"),
+    [pytest.param(0.0, 0.01, id="no hold"), pytest.param(0.1, 0.4, id="slower than the hold")],
+)
+def test_a_push_across_two_lasts_as_long_as_their_readings_say_so(hold, period):
+    """They arrive 10 ms late, and each is all that is known until the next one."""
+    stop = BodyStop(("chest", "back", "arm"), StopConfig(hold=hold), 0.0)
+    for k in range(20):
+        stop.touched("chest", k * period, 25.0)
+        stop.touched("back", k * period, 25.0)
+        stop.touched("arm", k * period, math.nan)
+        for share in (0.0, 0.5, 0.99):
+            t = (k + share) * period + 0.01
+            keep_free(stop, t)
+            assert "back and chest: push" in stop.decide(t).reason
+    stop.touched("chest", 20 * period, 0.0)
+    stop.touched("back", 20 * period, 0.0)
+    keep_free(stop, 21 * period)
+    assert "push" not in stop.decide(21 * period).reason
+
+
+def test_a_clock_that_is_set_back_does_not_hold_a_push_across_two_for_as_long(body):
+    keep_free(body, 5000.0)
+    body.touched("chest", 5000.0, 18.0)
+    body.touched("back", 5000.0, 18.0)
+    keep_free(body, 100.0)
+    assert "push" in body.decide(100.0).reason
+    body.touched("chest", 100.0, 0.0)
+    body.touched("back", 100.0, 0.0)
+    keep_free(body, 100.4)
+    assert not body.decide(100.4).stop
+
+
+def disturbed(stop, trouble: str, t: float) -> None:
+    """What the body alone knows of; the skin itself is free all the while."""
+    if trouble == "tf":
+        stop.fault("back", "no transform")
+    elif trouble == "late":
+        stop.hear(t, "back", free(t - 0.1), stamp=t - 0.2)
+    elif trouble == "ahead":
+        stop.hear(t, "back", free(t + 1.0), stamp=t + 1.0)
+
+
+@pytest.mark.parametrize("trouble", ["silent", "late", "ahead", "tf"])
+def test_what_the_body_alone_knows_of_latches_once_it_was_free(trouble):
+    """A cable between two computers that makes contact again must not restart the robot."""
+    stop = BodyStop(("chest", "back"), StopConfig(latch=True), 0.0)
+    assert stop.decide(0.2).stop  # nothing was heard: no latch
+    keep_free(stop, 0.3)
+    assert not stop.decide(0.3).stop
+    stop.hear(0.5, "chest", free(0.7))
+    disturbed(stop, trouble, 0.5)
+    why = stop.decide(0.5).reason
+    assert stop.reset(0.5).startswith("back: ")
+    stop.fault("back", "")
+    keep_free(stop, 0.6)
+    decision = stop.decide(0.6)
+    assert decision.reason.startswith("back: latched: ") and decision.reason in why
+    assert decision.causes == (Cause.LATCHED,)
+    assert stop.reset(0.6) == ""
+    assert not stop.decide(0.6).stop
+
+
+def test_what_a_skins_own_stop_latches_or_not_the_body_does_not_latch():
+    stop = BodyStop(("chest", "back"), StopConfig(latch=True), 0.0)
+    keep_free(stop, 0.0)
+    assert not stop.decide(0.0).stop
+    stop.hear(0.1, "back", StopMessage(True, "push", causes=(Cause.PUSH,)))
+    assert stop.decide(0.1).stop
+    keep_free(stop, 0.2)
+    assert not stop.decide(0.2).stop
 
 
 def test_a_skin_in_another_frame_is_a_fault(body):

@@ -189,3 +189,16 @@ def test_the_cells_gains_stay_when_creep_is_taken_out():
     gain = np.array([[0.9, 1.1]])
     came = as_it_comes(PressureCurve().with_gain(gain), Creep(0.05, 1.0))
     np.testing.assert_array_equal(came.gain, gain)
+
+
+def test_a_cell_at_the_end_of_the_curve_gains_nothing():
+    """A hard edge may weigh any more: it must not sink below what is a push, however long."""
+    end = CURVE.max_force
+    times = np.append(np.arange(0.0, 20.0, 0.02), np.arange(20.0, 600.0, 5.0))
+    force = np.full((times.size, 2, 2), end)
+    np.testing.assert_array_equal(taken_out(force, times, Creep(0.1, 1.0)), end)
+    own = CURVE.with_gain([[0.5, 1.0], [1.0, 2.0]])
+    standing = Standing(Creep(0.1, 1.0), own)
+    for t in times:
+        found = standing.update(t, end * own.gain)
+    np.testing.assert_array_equal(found, end * own.gain)

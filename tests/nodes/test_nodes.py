@@ -33,6 +33,7 @@ from tactile_skin.msg import (
     Vector3Stamped,
     WrenchStamped,
     cloud_columns,
+    cloud_of,
     image,
     image_array,
 )
@@ -278,6 +279,16 @@ def test_shutting_down_stops(moving):
 def test_the_status_has_the_stamp_of_the_reading_it_rests_on(moving):
     moving.play(1)
     assert moving.seen[STATUS_TOPIC][-1].header == moving.seen["skin/contacts"][-1].header
+
+
+def test_contacts_that_cannot_be_read_make_no_free_last_longer(moving):
+    """Of another program, say: by the stamp that a "free" carries it is known when it expires."""
+    before = moving.seen[STATUS_TOPIC][-1].header
+    moving.spin(0.05)
+    with pytest.raises(KeyError, match="peak"):
+        moving.stop.on_contacts(cloud_of(("x", "force"), [(0.0, 0.0)], moving.header()))
+    moving.spin(0.02)
+    assert moving.seen[STATUS_TOPIC][-1].header == before
 
 
 def test_a_squeeze_stops_although_its_wrench_is_nothing(moving):

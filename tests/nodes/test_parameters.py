@@ -122,6 +122,8 @@ def test_the_threshold_of_a_contact_changes():
     bench = Changing(GestureFeature)
     assert bench.set(cell_threshold=0.5) == ""
     assert bench.changed.cell_threshold == 0.5
+    assert "cell_threshold" in bench.set(cell_threshold=5.0)  # it would hide pushes from the stop
+    assert bench.changed.cell_threshold == 0.5
 
 
 def test_a_clock_that_stands_still_stops():

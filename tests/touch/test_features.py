@@ -200,3 +200,12 @@ def test_a_skin_that_reads_a_little_everywhere_is_not_touched():
     assert contacts(np.full((16, 16), 0.137), PLANE, 0.2) == []  # the naive method's idle skin
     large = make_geometry("plane", 64, 64)
     assert contacts(np.full((64, 64), 0.015), large, 0.2) == []  # what a tare may leave
+
+
+@pytest.mark.parametrize("threshold", [0.2, 0.5, 1.0])
+def test_no_threshold_hides_a_body_from_the_stop(threshold):
+    """80 N on a hundred cells; 1 N is the largest threshold that the parameter allows."""
+    force = np.zeros((16, 16))
+    force[3:13, 3:13] = 0.8
+    (contact,) = contacts(force, PLANE, threshold)
+    assert contact.force == pytest.approx(80.0)

@@ -101,6 +101,14 @@ def test_an_arm_that_is_no_longer_heard_is_nowhere(robot):
     robot.lookup("forearm", "skin", 1e9)  # that one is fixed
 
 
+def test_where_an_arm_was_before_the_clock_was_set_back_says_nothing(robot):
+    """Nobody says any more where it is: it was known for as long as the clock was set back."""
+    robot.lookup("base_link", "skin", 99.6)
+    with pytest.raises(LookupError):
+        robot.lookup("base_link", "skin", 40.0)
+    robot.lookup("forearm", "skin", -1e9)
+
+
 def test_a_touch_is_seen_from_another_frame(robot):
     """Its torque is about the other frame's origin."""
     pose = robot.lookup("base_link", "skin", 100.0)

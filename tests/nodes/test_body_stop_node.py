@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The stops of two skins and of their body, on a clock that is driven: what lies on both."""
+
+import pytest
+from support.bench import Bench
+
+from tactile_skin.msg import (
+    DiagnosticArray,
+    DiagnosticStatus,
+    KeyValue,
+    PointCloud2,
+    cloud_of,
+)
+from tactile_skin.nodes import diagnostics
+from tactile_skin.nodes.body import Body
+from tactile_skin.nodes.gesture_feature import CONTACT
+from tactile_skin.nodes.stop_on_push import STATUS, STATUS_TOPIC, StopOnPush
+
+NAMES = "chest", "back"
+R_PAR_UNKNOWN = 54.0  # ohm, as of a skin that nobody has calibrated
+FORCE = 12.0  # N, on each skin: a quarter of it on each of four cells
+
+
+class TwoSkins(Bench):
+    """Stops that hear contacts and diagnostics, and the body that hears the stops."""
+
+    def __init__(self, unknown: float):
+        super().__init__()
+        given: dict = {"skins": list(NAMES)}
+        for x, name in enumerate(NAMES):
+            given[f"{name}.geometry.shape"] = "plane"
+            given[f"{name}.geometry.translation"] = [float(x), 0.0, 0.0]
+            StopOnPush(self.node("stop_on_push", namespace=name))
+        self.body = Body(self.node("body", given))
+        others = self.node("others")
+        self._contacts = [
+            others.create_publisher(PointCloud2, f"/{name}/skin/contacts", 10) for name in NAMES
+        ]
+        value = KeyValue(diagnostics.UNKNOWN_SERIES, str(unknown))
+        status = DiagnosticStatus(diagnostics.OK, "compensation", "ok", "", [value])
+        for name in NAMES:
+            topic = f"/{name}/{diagnostics.TOPIC}"
+            publisher = others.create_publisher(DiagnosticArray, topic, 10)
+            publisher.publish(DiagnosticArray(self.header(), [status]))
+        self.reason = ""
+        others.create_subscription(DiagnosticArray, STATUS_TOPIC, self._on_status, STATUS)
+
+    def _on_status(self, message: DiagnosticArray) -> None:
+        self.reason = message.status[0].message
+
+    def lies_on_both(self, newton: float, peak: float) -> None:
+        """For half a second."""
+        for _ in range(50):
+            touch = (0.0, 0.0, 0.0, newton, 1e-3, peak, 1.0, 0.0, 0.0, 0.0, 1.0)
+            touches = [touch] if newton else []
+            for contacts in self._contacts:
+                contacts.publish(cloud_of(CONTACT, touches, self.header()))
+            self.spin(0.01)
+
+
+@pytest.mark.parametrize(
+    ("unknown", "reason"), [(0.0, ""), (R_PAR_UNKNOWN, "back and chest: push")]
+)
+def test_a_push_on_two_skins_counts_as_what_it_may_be(unknown, reason):
+    """24 N as measured; 32 N if r_par is as much more as nobody has excluded."""
+    skins = TwoSkins(unknown)
+    skins.lies_on_both(0.0, 0.0)
+    assert skins.reason == ""
+    skins.lies_on_both(FORCE, FORCE / 4)
+    assert skins.reason == reason
+    skins.lies_on_both(0.0, 0.0)
+    assert skins.reason == ""
