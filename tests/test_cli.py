@@ -300,11 +300,6 @@ def test_a_simulated_board_makes_no_link_among_devices(call, place):
     assert not Path(place).is_symlink()
 
 
-def test_the_demo_takes_no_port(call):
-    status, _, err = call("launch", "demo.launch.yaml", "port:=/dev/ttyUSB7")
-    assert status == 2 and "argument 'port' is unknown" in err
-
-
 def test_the_shipped_config_says_what_the_defaults_are(tmp_path):
     """Circuit and curve of config/skin.yaml are those that the shipped weights were made for."""
     assert read_skin(share_dir() / "config" / "skin.yaml")[:2] == (Circuit(), PressureCurve())
