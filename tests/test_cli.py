@@ -91,9 +91,7 @@ def weights_of_another(folder) -> list[str]:
 
 MISTAKES = {  # what is wrong -> (words after `launch`, what the line must hold)
     "weights of another circuit": (weights_of_another, ["other.npz", "r_par"]),
-    "method": (lambda folder: ["method:=magic"], ["method", "'magic'", "cnn"]),
     "value that is no YAML": (lambda folder: ["method:=[x"], ["method", "'[x'"]),
-    "missing launch file": (lambda folder: ["none.launch.yaml"], ["none.launch.yaml"]),
     "two launch files": (lambda folder: ["a.yaml", "b.yaml"], ["one launch file", "a.yaml"]),
 }
 
@@ -138,7 +136,6 @@ OTHERS = {
     "rate": (["sim", "--link", "x", "--rate", "500"], "frames_per_second = 500.0"),
     "noise": (["sim", "--link", "x", "--noise", "-1"], "noise = -1.0"),
     "no number": (["sim", "--link", "x", "--rate", "fast"], "'fast'"),
-    "sim's parameter file": (["sim", "--link", "x", "--config", "none.yaml"], "none.yaml"),
     "sim's protocol": (["sim", "--link", "x", "--config", "morse.yaml"], "protocol 'morse'"),
     "firmware's protocol": (
         ["sim", "--link", "x", "--board", "firmware", "--config", "text.yaml"],
@@ -146,7 +143,6 @@ OTHERS = {
     ),
     "link in no folder": (["sim", "--link", "no/folder/skin"], "no/folder"),
     "threads": (["train", "--threads", "0"], "--threads = 0"),
-    "train's parameter file": (["train", "--config", "none.yaml"], "none.yaml"),
     "a bad training rate": (["train", "--rate", "0"], "rate = 0.0"),
 }
 

@@ -71,11 +71,6 @@ def commas(steps) -> bytes:
     return b",".join(b"nan" if s != s else b"%d" % int(s) for s in steps.ravel()) + b"\r\n"
 
 
-def printed(separator: bytes, absent: bytes = b"nan"):
-    """A way to print: numbers with a separator, and another word for what was not read."""
-    return lambda steps: commas(steps).replace(b"nan", absent).replace(b",", separator)
-
-
 class Serving:
     """The board behind the link, until `unplug`.
 
