@@ -19,10 +19,9 @@ import yaml
 from support import machine
 from support.marks import ci
 
-from tactile_skin import Circuit, PressureCurve, cli
+from tactile_skin import Circuit, cli
 from tactile_skin.board.terminal import is_simulated
 from tactile_skin.commands.launch import keys
-from tactile_skin.launch import read_skin, share_dir
 from tactile_skin.learning import network
 
 pytestmark = pytest.mark.live
@@ -294,12 +293,6 @@ def test_a_simulated_board_makes_no_link_among_devices(call, place):
     assert status == 2
     assert "must not have a link in /dev" in err
     assert not Path(place).is_symlink()
-
-
-def test_the_shipped_config_says_what_the_defaults_are(tmp_path):
-    """Circuit and curve of config/skin.yaml are those that the shipped weights were made for."""
-    assert read_skin(share_dir() / "config" / "skin.yaml")[:2] == (Circuit(), PressureCurve())
-    assert read_skin()[:2] == (Circuit(), PressureCurve())
 
 
 # --- keys on a terminal ---

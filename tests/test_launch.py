@@ -196,10 +196,6 @@ GRAMMAR = {  # what is wrong -> (entities, what the message must hold)
     "remap to nothing": (STOP % "remap: [{from: a, to: ''}]", ["remap: to = '': must be a topic"]),
     "cmd empty": ("- executable: {cmd: ''}\n", ["cmd = '': must name a program"]),
     "cmd with an open quote": ("- executable: {cmd: 'echo \"a'}\n", ["No closing quotation"]),
-    "include of nothing": (
-        "- include: {file: $(dirname)/no.launch.yaml}\n",
-        ["no.launch.yaml", "No such file"],
-    ),
     "include itself": ("- include: {file: $(dirname)/test.launch.yaml}\n", ["includes itself"]),
     "include arg with more": (
         "- include: {file: a.yaml, arg: [{name: a, value: b, default: c}]}\n",

@@ -153,12 +153,6 @@ def moving(chain):
 # --- the stop ---
 
 
-def test_stopped_before_the_first_reading(chain):
-    chain.executor.spin_some()
-    assert chain.stopped
-    assert chain.reason == "stale: no reading yet"
-
-
 def test_a_push_stops_after_the_debounce(moving):
     """The first frame above the threshold begins it; the stop comes 50 ms later."""
     moving.scene = "push_left"
