@@ -2,7 +2,6 @@
 """The command line: the demo runs, and a user's mistake is one clear line, never a traceback."""
 
 import json
-import logging
 import os
 import re
 import signal
@@ -34,15 +33,6 @@ def run_command(*words, cwd=None, timeout=120) -> subprocess.CompletedProcess:
     """The command in a process of its own, as a user starts it."""
     command = [sys.executable, "-m", "tactile_skin", *map(str, words)]
     return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=timeout)
-
-
-@pytest.fixture(autouse=True)
-def log_settings_stay():
-    """`main` configures logging; tests of other modules must not see that."""
-    root = logging.getLogger()
-    handlers, level = list(root.handlers), root.level
-    yield
-    root.handlers[:], root.level = handlers, level
 
 
 # --- help ---
