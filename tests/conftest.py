@@ -2,6 +2,7 @@
 """What holds for every test."""
 
 import importlib.util
+import logging
 import os
 import signal
 import threading
@@ -117,11 +118,14 @@ def no_thread_outlives_its_test():
 def call(capfd):
     """A function that runs a command in this process: (status, standard output, errors).
 
-    What `main` does not catch, a user would see as a traceback; here it fails the test.
+    What `main` does not catch, a user would see as a traceback; here it fails the test. What it
+    sets of signals and logging, other tests do not see.
     """
     from tactile_skin.cli import main
 
     kept = {s: signal.getsignal(s) for s in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)}
+    root = logging.getLogger()
+    handlers, level = list(root.handlers), root.level
 
     def call(*words):
         try:
@@ -133,5 +137,6 @@ def call(capfd):
         return status, out, err
 
     yield call
+    root.handlers[:], root.level = handlers, level
     for number, handler in kept.items():
         signal.signal(number, handler)

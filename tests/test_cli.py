@@ -2,7 +2,6 @@
 """The command line: the demo runs, and a user's mistake is one clear line, never a traceback."""
 
 import json
-import logging
 import os
 import re
 import signal
@@ -19,10 +18,9 @@ import yaml
 from support import machine
 from support.marks import ci
 
-from tactile_skin import Circuit, PressureCurve, cli
+from tactile_skin import Circuit, cli
 from tactile_skin.board.terminal import is_simulated
 from tactile_skin.commands.launch import keys
-from tactile_skin.launch import read_skin, share_dir
 from tactile_skin.learning import network
 
 pytestmark = pytest.mark.live
@@ -35,15 +33,6 @@ def run_command(*words, cwd=None, timeout=120) -> subprocess.CompletedProcess:
     """The command in a process of its own, as a user starts it."""
     command = [sys.executable, "-m", "tactile_skin", *map(str, words)]
     return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=timeout)
-
-
-@pytest.fixture(autouse=True)
-def log_settings_stay():
-    """`main` configures logging; tests of other modules must not see that."""
-    root = logging.getLogger()
-    handlers, level = list(root.handlers), root.level
-    yield
-    root.handlers[:], root.level = handlers, level
 
 
 # --- help ---
@@ -91,9 +80,7 @@ def weights_of_another(folder) -> list[str]:
 
 MISTAKES = {  # what is wrong -> (words after `launch`, what the line must hold)
     "weights of another circuit": (weights_of_another, ["other.npz", "r_par"]),
-    "method": (lambda folder: ["method:=magic"], ["method", "'magic'", "cnn"]),
     "value that is no YAML": (lambda folder: ["method:=[x"], ["method", "'[x'"]),
-    "missing launch file": (lambda folder: ["none.launch.yaml"], ["none.launch.yaml"]),
     "two launch files": (lambda folder: ["a.yaml", "b.yaml"], ["one launch file", "a.yaml"]),
 }
 
@@ -138,7 +125,6 @@ OTHERS = {
     "rate": (["sim", "--link", "x", "--rate", "500"], "frames_per_second = 500.0"),
     "noise": (["sim", "--link", "x", "--noise", "-1"], "noise = -1.0"),
     "no number": (["sim", "--link", "x", "--rate", "fast"], "'fast'"),
-    "sim's parameter file": (["sim", "--link", "x", "--config", "none.yaml"], "none.yaml"),
     "sim's protocol": (["sim", "--link", "x", "--config", "morse.yaml"], "protocol 'morse'"),
     "firmware's protocol": (
         ["sim", "--link", "x", "--board", "firmware", "--config", "text.yaml"],
@@ -146,7 +132,6 @@ OTHERS = {
     ),
     "link in no folder": (["sim", "--link", "no/folder/skin"], "no/folder"),
     "threads": (["train", "--threads", "0"], "--threads = 0"),
-    "train's parameter file": (["train", "--config", "none.yaml"], "none.yaml"),
     "a bad training rate": (["train", "--rate", "0"], "rate = 0.0"),
 }
 
@@ -298,17 +283,6 @@ def test_a_simulated_board_makes_no_link_among_devices(call, place):
     assert status == 2
     assert "must not have a link in /dev" in err
     assert not Path(place).is_symlink()
-
-
-def test_the_demo_takes_no_port(call):
-    status, _, err = call("launch", "demo.launch.yaml", "port:=/dev/ttyUSB7")
-    assert status == 2 and "argument 'port' is unknown" in err
-
-
-def test_the_shipped_config_says_what_the_defaults_are(tmp_path):
-    """Circuit and curve of config/skin.yaml are those that the shipped weights were made for."""
-    assert read_skin(share_dir() / "config" / "skin.yaml")[:2] == (Circuit(), PressureCurve())
-    assert read_skin()[:2] == (Circuit(), PressureCurve())
 
 
 # --- keys on a terminal ---

@@ -21,7 +21,6 @@ from support.told import PATIENCE, Told
 
 from tactile_skin import PressureCurve
 from tactile_skin.board.serial_port import _LENT_TO
-from tactile_skin.errors import ParameterError
 from tactile_skin.findings.finding import Finding, Kind
 from tactile_skin.launch import (
     LaunchError,
@@ -197,10 +196,6 @@ GRAMMAR = {  # what is wrong -> (entities, what the message must hold)
     "remap to nothing": (STOP % "remap: [{from: a, to: ''}]", ["remap: to = '': must be a topic"]),
     "cmd empty": ("- executable: {cmd: ''}\n", ["cmd = '': must name a program"]),
     "cmd with an open quote": ("- executable: {cmd: 'echo \"a'}\n", ["No closing quotation"]),
-    "include of nothing": (
-        "- include: {file: $(dirname)/no.launch.yaml}\n",
-        ["no.launch.yaml", "No such file"],
-    ),
     "include itself": ("- include: {file: $(dirname)/test.launch.yaml}\n", ["includes itself"]),
     "include arg with more": (
         "- include: {file: a.yaml, arg: [{name: a, value: b, default: c}]}\n",
@@ -234,21 +229,6 @@ def start(path, **arguments) -> None:
     """Bring the nodes up, and down again."""
     with launch(path, **arguments):
         pass
-
-
-@pytest.mark.parametrize(
-    ("param", "named"),
-    [
-        ("{name: treshold, value: 1.0}", "launch.yaml: parameter 'treshold' is unknown"),
-        ("{name: threshold, value: [1.0]}", "= [1.0]: must be of type float"),
-        ("{name: threshold, value: high}", "parameter threshold of node stop_on_push = 'high'"),
-        ("{name: hold, value: 61.0}", "must be from 0.0 to 60.0"),
-    ],
-)
-def test_wrong_parameters_of_a_launch_file_are_refused(write, param, named):
-    with pytest.raises((LaunchError, ParameterError)) as error:
-        start(write(NODE % f", param: [{param}]"))
-    assert named in str(error.value)
 
 
 def test_later_parameters_win(write, tmp_path):
@@ -423,7 +403,7 @@ def test_commands_end_with_the_skin(write):
     assert process.poll() is not None
     bad = command("import time; time.sleep(600)") + NODE % ", param: [{name: a, value: 1}]"
     skin = Skin(read_plan(write(bad), {}))
-    with pytest.raises(LaunchError, match="parameter 'a' is unknown"), skin:
+    with pytest.raises(LaunchError, match=r"launch\.yaml: parameter 'a' is unknown"), skin:
         pass
     (process,) = skin._processes
     assert process.poll() is not None
@@ -450,16 +430,6 @@ def test_a_closed_standard_output_ends_nothing_half(write, monkeypatch):
         heard.wait_for((True, "stale: no reading yet"))
     assert "the skin shuts down" in heard.calls[-1][1]
     assert skin._processes[0].poll() is not None
-
-
-@pytest.mark.parametrize(
-    "place", [", namespace: left", ", remap: [{from: skin/stop_status, to: other}]"]
-)
-def test_a_hook_finds_the_stop_node_wherever_it_is(write, place):
-    heard = Told()
-    with launch(write(NODE % place)) as skin:
-        skin.on_stop(heard)
-        heard.wait_for_reason("no reading yet")
 
 
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGINT", "SIGHUP"])
@@ -689,12 +659,15 @@ def test_a_push_and_its_release_are_told_to_hooks(write):
 
 
 def test_event_hooks_find_their_topics_behind_remappings(write):
-    """As on_stop does; skin/wrench is the gesture node's to remap."""
+    """So does on_stop; skin/wrench is the gesture node's to remap."""
+    heard = Told()
     entities = NODE % (
         ", namespace: left, remap: [{from: skin/stop_status, to: halt}],"
         " param: [{name: stale_after, value: 1.0}]"
     )
     with launch(write(entities)) as skin:
+        skin.on_stop(heard)
+        heard.wait_for_reason("no reading yet")
         skin.on_push(print)
         (node,) = [n for n in skin._executor._threads if n.get_name().startswith("pushed_hook")]
         topics = {s.topic_name for s in node._subscriptions}

@@ -103,19 +103,6 @@ def test_one_line_is_all_that_a_new_parameter_needs(wider, tmp_path):
         ParameterFile(file, own=True).check({})
 
 
-@pytest.mark.parametrize(
-    ("given", "named"),
-    [
-        ({"width": 3.0}, "width of node push_arrow = 3.0: must be from 0.0 to 2.0"),
-        ({"width": "wide"}, "width of node push_arrow = 'wide': must be of type float"),
-        ({"style": "bent"}, "style of node push_arrow = 'bent': must be one of flat, round"),
-    ],
-)
-def test_what_is_wrong_names_the_parameter_and_what_is_allowed(wider, given, named):
-    with pytest.raises(ParameterError, match=named):
-        declared(node(**given), wider)
-
-
 def test_the_doctor_takes_each_parameter_of_the_board():
     parser = argparse.ArgumentParser(formatter_class=argparse.RawDescriptionHelpFormatter)
     doctor.register(parser)

@@ -104,7 +104,7 @@ def test_the_slower_clock_of_the_adc_is_in_time_as_well():
 
 
 @needs_chip
-@pytest.mark.parametrize("shape", [(1, 1), (3, 5), (16, 1), (8, 12)])
+@pytest.mark.parametrize("shape", [(1, 1), ci((3, 5)), ci((16, 1)), (8, 12)])
 def test_skins_of_other_sizes(shape):
     circuit = Circuit(*shape)
     found = steady(0.3, "one_finger", circuit)

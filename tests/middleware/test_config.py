@@ -48,7 +48,7 @@ def test_a_file_says_how_the_matrix_is_read(tmp_path):
 def test_without_a_file_the_defaults_hold():
     """They are the shipped file's; a cover whose shape nobody stated has no direction."""
     shipped, default = read_skin(share_dir() / "config" / "skin.yaml"), read_skin()
-    assert default[:2] == shipped[:2]
+    assert default[:2] == shipped[:2] == (Circuit(), PressureCurve())
     for skin in (shipped, default):
         assert (skin.geometry.normal == 0.0).all()
         assert np.ptp(skin.geometry.position[..., 1]) > 0.2  # places as on a flat mat
@@ -72,8 +72,6 @@ def test_a_file_says_how_the_boards_adc_reads(tmp_path):
         ("scanned: '11 11'", r"scanned has shape \(2, 2\): the circuit is \(4, 6\)"),
         ("scanned: '12'", "circuit.scanned = '12': must be words of 0 and 1"),
         ("adc_offset: 2000.0", "adc_offset = 2000.0 ADC steps: must be less than the full scale"),
-        ("adc_full_scale: -1.0", "must be from 0.0 to 1000000.0"),
-        ("inverted: 1", "must be of type bool"),
     ],
 )
 def test_an_adc_that_cannot_be_is_refused(tmp_path, given, named):
@@ -94,11 +92,7 @@ def test_a_gain_of_each_cell(tmp_path):
     np.testing.assert_array_equal(read_skin(path).curve.gain, np.full((2, 3), 1.5))
 
 
-@pytest.mark.parametrize(
-    ("gain", "why"), [([1.0, 1.0], "2 numbers: must be 1 or"), ([0.0], "a cell of gain 0")]
-)
-def test_a_gain_that_is_none_is_refused(tmp_path, gain, why):
-    path = tmp_path / "skin.yaml"
-    path.write_text(f"{{/**: {{ros__parameters: {{curve: {{gain: {gain}}}}}}}}}")
-    with pytest.raises(ValueError, match=why):
+def test_a_gain_of_some_cells_is_refused(tmp_path):
+    path = write(tmp_path, "/**: {ros__parameters: {curve: {gain: [1.0, 1.0]}}}")
+    with pytest.raises(ValueError, match="2 numbers: must be 1 or"):
         read_skin(path)

@@ -33,8 +33,6 @@ from tactile_skin.nodes.stop_on_push import STATUS, STATUS_TOPIC, StopOnPush, st
 from tactile_skin.physics.adc import NOT_READ, Adc
 from tactile_skin.simulation.matrix import resting_curve
 
-pytestmark = pytest.mark.live
-
 CELL_AREA = 1.44e-4
 CIRCUIT = Circuit(8, 12, r_ref=4700.0, r_par=70.0, adc_bits=12)
 GIVEN = {"rows": 8, "cols": 12, "r_ref": 4700.0, "r_par": 70.0, "adc_bits": 12}

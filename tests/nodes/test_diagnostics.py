@@ -8,8 +8,6 @@ from tactile_skin.launch import launch
 from tactile_skin.msg import Bool, DiagnosticArray
 from tactile_skin.nodes import diagnostics
 
-pytestmark = pytest.mark.live
-
 
 @pytest.fixture
 def reports():
@@ -54,6 +52,7 @@ def test_a_node_that_reports_itself_reports_once(reports):
     assert len(node.publishers) == 1
 
 
+@pytest.mark.live
 def test_every_node_of_a_launch_reports_them():
     found = {}
     with launch(method="auto") as skin:

@@ -19,8 +19,6 @@ from tactile_skin.simulation.people.hands import GESTURES, Person, perform
 from tactile_skin.simulation.people.mat import Mat
 from tactile_skin.touch.model import load_model
 
-pytestmark = pytest.mark.live
-
 PATIENCE = 30.0  # s, for what must happen; how fast it does is not tested
 CELL_AREA = 1.44e-4  # m^2
 MAT = Mat(16, 16, 0.018)
@@ -127,6 +125,7 @@ class Hangs:
         raise RuntimeError("no answer")
 
 
+@pytest.mark.live
 def test_a_recogniser_that_hangs_or_raises_neither_keeps_a_stop_back_nor_ends_one(monkeypatch):
     """On real time, in threads of their own as a launch gives them."""
     hangs, said, executor = Hangs(), [], MultiThreadedExecutor()

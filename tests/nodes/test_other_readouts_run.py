@@ -4,6 +4,7 @@
 import numpy as np
 import pytest
 from support.chain import Chain
+from support.simulated import remembering
 
 from tactile_skin import Circuit, PressureCurve
 from tactile_skin.simulation import scenes
@@ -19,7 +20,7 @@ def pushed(t: float) -> np.ndarray:
 @pytest.mark.parametrize("readout", ["loaded", "grounded"])
 def test_a_push_stops_and_nothing_else_does(readout, driven):
     circuit = Circuit(8, 10, readout=readout, driven=driven)
-    board, chain = Board(circuit, PressureCurve(), pushed), Chain(circuit)
+    board, chain = remembering(Board(circuit, PressureCurve(), pushed)), Chain(circuit)
     free = []
     try:
         for scan in range(3 * SCANS_PER_SECOND):

@@ -84,9 +84,18 @@ class Viewed:
         self.executor.shutdown(PATIENCE)
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def viewed(request):
+    """One for all tests that ask for the same controls."""
     made = Viewed(getattr(request, "param", False))
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def fresh():
+    """One that the test may harm."""
+    made = Viewed()
     yield made
     made.close()
 
@@ -151,14 +160,14 @@ def test_a_stop_that_is_heard_no_more_is_unknown(viewed, monkeypatch):
     talk(viewed, scenario)
 
 
-def test_nothing_is_sent_while_no_page_is_open(viewed):
+def test_nothing_is_sent_while_no_page_is_open(fresh):
     sent = []
-    viewed.view.skins[""].page.show = sent.append
-    viewed.publish(3)
+    fresh.view.skins[""].page.show = sent.append
+    fresh.publish(3)
     deadline = time.monotonic() + PATIENCE
-    while not viewed.node._idle() and time.monotonic() < deadline:
+    while not fresh.node._idle() and time.monotonic() < deadline:
         time.sleep(0.01)
-    assert not sent and not viewed.view.skins[""].page.watched
+    assert not sent and not fresh.view.skins[""].page.watched
 
 
 @pytest.mark.parametrize("viewed", [True], indirect=True)
@@ -205,32 +214,32 @@ def test_a_page_that_may_not_is_refused_by_the_skin_too(viewed):
     assert viewed.view.skins[""]._call("reset")[0] is False and viewed.asked == []
 
 
-def test_the_skin_goes_on_when_the_pages_process_dies(viewed, caplog):
-    os.kill(viewed.view._page._process.pid, signal.SIGKILL)
+def test_the_skin_goes_on_when_the_pages_process_dies(fresh, caplog):
+    os.kill(fresh.view._page._process.pid, signal.SIGKILL)
     deadline = time.monotonic() + PATIENCE
     while "has ended" not in caplog.text and time.monotonic() < deadline:
         time.sleep(0.01)
     assert "the skin goes on" in caplog.text
-    viewed.view.skins[""].page.watched = True
+    fresh.view.skins[""].page.watched = True
     for k in range(2000):  # more than any buffer holds
-        viewed.publish(k)
-    viewed.view._show()
-    assert not viewed.view.skins[""].page.watched and viewed.node.callback_errors == 0
+        fresh.publish(k)
+    fresh.view._show()
+    assert not fresh.view.skins[""].page.watched and fresh.node.callback_errors == 0
 
 
-def test_a_page_process_that_hangs_costs_snapshots_only(viewed):
+def test_a_page_process_that_hangs_costs_snapshots_only(fresh):
     """Frozen, it takes nothing: the buffer is full, and what is new is dropped."""
-    os.kill(viewed.view._page._process.pid, signal.SIGSTOP)
+    os.kill(fresh.view._page._process.pid, signal.SIGSTOP)
     try:
-        viewed.view.skins[""].page.watched = True
+        fresh.view.skins[""].page.watched = True
         for k in range(2000):
-            viewed.publish(k)
-            viewed.view._show()
-            if viewed.view.skins[""].page.dropped:
+            fresh.publish(k)
+            fresh.view._show()
+            if fresh.view.skins[""].page.dropped:
                 break
-        assert viewed.view.skins[""].page.dropped
+        assert fresh.view.skins[""].page.dropped
     finally:
-        os.kill(viewed.view._page._process.pid, signal.SIGCONT)
+        os.kill(fresh.view._page._process.pid, signal.SIGCONT)
 
 
 def test_it_ends_with_the_skin():

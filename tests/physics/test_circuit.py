@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from support import kirchhoff
 
 from tactile_skin import Circuit, forward
-from tactile_skin.physics.circuit import jacobian
 from tactile_skin.physics.laplacian import two_terminal_resistance
 
 SHAPES = [(2, 2), (3, 3), (9, 4), (8, 16), (16, 16)]
@@ -79,20 +78,6 @@ def test_rayleigh_monotonicity(size):
     change = forward(circuit, pressed) - forward(circuit, resistance)
     assert change.min() > -1e-12
     assert change[cell] > 0.0
-
-
-def test_jacobian_equals_finite_differences():
-    rng = np.random.default_rng(3)
-    circuit = Circuit(4, 6)
-    resistance = random_resistance(rng, 4, 6)
-    exact = jacobian(circuit, resistance)
-    for k, m in np.ndindex(4, 6):
-        step = 1e-5 * resistance[k, m]
-        up, down = resistance.copy(), resistance.copy()
-        up[k, m] += step
-        down[k, m] -= step
-        numeric = (forward(circuit, up) - forward(circuit, down)) / (2 * step)
-        np.testing.assert_allclose(exact[:, :, k, m], numeric, rtol=1e-5, atol=1e-13)
 
 
 def test_a_batch_equals_its_frames():

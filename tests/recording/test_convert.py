@@ -103,7 +103,7 @@ def test_a_foreign_file_is_replayed_recorded_and_exported(tmp_path, config, call
 
 def test_the_reason_of_a_stop_from_the_first_reading_on_is_said(tmp_path, config, call):
     calm, pressed = rest(tmp_path), tmp_path / "pressed.npy"
-    np.save(pressed, np.random.default_rng(3).integers(200, 900, (200, 4, 5)).astype(np.uint16))
+    np.save(pressed, np.random.default_rng(3).integers(200, 900, (60, 4, 5)).astype(np.uint16))
     length = {calm: r"for \d\.\d\d s", pressed: "until the end"}
     for path, words in length.items():
         _, said, _ = call("replay", path, f"config:={config}")

@@ -4,6 +4,7 @@
 import re
 import warnings
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -34,6 +35,7 @@ def played(samples, circuit, *, pressed=None, **of_adc):
     return list(dict.fromkeys(reasons)), float(np.mean(free)) if free else 0.0
 
 
+@cache
 def minus_baseline(dead: int, seconds: float = 30.0):
     """Return samples of firmware that takes off its rest and a dead band; when a palm presses."""
     circuit = Circuit(6, 6, r_ref=10000.0, r_par=25.0, adc_bits=12, readout="loaded")
@@ -56,17 +58,6 @@ def test_nothing_to_enter_follows_from_readings_with_an_offset_taken_off(dead, i
     found = diagnose(frames, circuit.read_as(readout, "rows"), inverted=inverted)
     assert [finding.kind for finding in found] == ["zeros"]
     assert not any(f.change for f in found) and "set" not in str(found[0]).lower().split()
-
-
-@pytest.mark.parametrize(
-    ("dead", "readout"),
-    [(0, "loaded"), (400, "floating"), ci(400, "loaded"), ci(0, "floating")],
-)
-def test_no_rest_is_learnt_under_a_palm_that_came_after_the_start(dead, readout):
-    circuit, samples, pressed = minus_baseline(dead)
-    reasons, free = played(samples, circuit.read_as(readout, "rows"), pressed=pressed)
-    assert free == 0.0
-    assert not any("threshold: " in reason for reason in reasons)
 
 
 @pytest.mark.parametrize(
@@ -119,6 +110,7 @@ def test_all_stuck_address_bits_are_named_and_stop(mask):
 WIRED = {"loaded": {"r_ref": 35000.0, "r_par": 25.0}, "floating": {"r_ref": 4700.0, "r_par": 120.0}}
 
 
+@cache
 def recorded(shape, readout, inverted, seed=0):
     """Return a board's circuit and frames of a minute, as it sends them."""
     circuit = Circuit(*shape, readout=readout, **WIRED[readout])

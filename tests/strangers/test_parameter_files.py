@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameter files that are absent, partial, misspelt or foreign, in each way of starting.
 
-None ends in a skin with other numbers than the file's and the documented defaults.
+None ends in a free robot, nor in a skin with other numbers than the file's and the documented
+defaults.
 """
 
 import pytest
@@ -27,6 +28,7 @@ def nodes(**sections) -> str:
 REFUSED = {  # what the file holds, and what the error names
     "empty": ("", "is empty"),
     "a number": ("8\n", "must map node names"),
+    "a list": ("- threshold: 30.0\n", "must map node names"),
     "no YAML": ("/**: {ros__parameters: [\n", "YAML"),
     "an INI file": ("[circuit]\nrows = 8\n", "not valid YAML"),
     "without node": ("circuit: {rows: 8, cols: 8}\n", "ros__parameters"),
@@ -42,6 +44,7 @@ REFUSED = {  # what the file holds, and what the error names
     "of another node": (nodes(serial_driver={"peak": 9.0}), "peak"),
     "circuit written flat": (nodes(all={"rows": 8}), "circuit.rows"),
     "a word for a number": (nodes(all={"circuit": {"rows": "eight"}}), "circuit.rows"),
+    "out of range": (nodes(all={"circuit": {"rows": 0}}), "circuit.rows"),
     "a list for a number": (nodes(all={"circuit": {"rows": [8]}}), "circuit.rows"),
     "an unknown shape": (nodes(all={"geometry": {"shape": "cylindre"}}), "cylinder"),
     "a radius that is too small": (
@@ -66,11 +69,16 @@ TAKEN = {
 def launched(path):
     """As `tactile-skin launch` and `launch()`: all nodes in this process."""
     given = {"config": str(path), "port": PORT, "monitor": "false"}
-    return Skin(read_plan(find("skin.launch.yaml"), given)).build()
+    return Skin(read_plan(find("skin.launch.yaml"), given))
 
 
 def of_program(words):
-    return Skin(ros.plan_of("skin", split_arguments(["--ros-args", *words])[1])).build()
+    return Skin(ros.plan_of("skin", split_arguments(["--ros-args", *words])[1]))
+
+
+def built(start, path):
+    """What it starts, or reads, of a file."""
+    return read_skin(path) if start is read_skin else start(path).build()
 
 
 def by_ros2_launch(path):
@@ -91,8 +99,10 @@ def by_parameter(path):
 
 WAYS = (launched, by_ros2_launch, by_ros2_run, by_parameter)
 OF_COMMANDS = (*WAYS, read_skin)  # doctor, calibrate and replay read circuit, curve and geometry
-# What an absent section or a file that also serves other nodes may hold, where ROS hands it over.
+# What a file that also serves others may hold: ROS hands one to all nodes of a robot.
 ROS_ALLOWS = ("of all nodes of another", "of two packages")
+OF_NODES = ("circuit written flat", "an unknown method")
+PASSED_OVER = {by_ros2_run: ROS_ALLOWS, read_skin: (*ROS_ALLOWS, *OF_NODES)}
 
 
 def write(folder, text):
@@ -105,17 +115,17 @@ def write(folder, text):
 def test_a_file_that_is_absent_is_an_error(way, tmp_path):
     for name in ("typo.yaml", "none/mine.yaml", ""):
         with pytest.raises((ValueError, OSError), match=r"typo|none|is a folder"):
-            way(tmp_path / name)
+            built(way, tmp_path / name)
 
 
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("way", OF_COMMANDS)
 @pytest.mark.parametrize("case", REFUSED)
 def test_a_file_that_is_wrong_is_an_error(case, way, tmp_path):
     text, named = REFUSED[case]
-    if way is by_ros2_run and case in ROS_ALLOWS:
-        pytest.skip("ROS hands one file to all nodes of a robot")
+    if case in PASSED_OVER.get(way, ()):
+        pytest.skip("what is not for this one is not looked at")
     with pytest.raises((ValueError, OSError)) as error:
-        way(write(tmp_path, text))
+        built(way, write(tmp_path, text))
     assert named in str(error.value)
 
 
@@ -126,14 +136,14 @@ def test_a_section_of_the_program_is_for_each_node_that_it_runs(way, tmp_path):
     path = write(tmp_path, nodes(all=shared, skin={"monitor": True, "threshold": 25.0}))
     if way is launched:
         with pytest.raises(ValueError, match="skin: no such node"):
-            way(path)
+            built(way, path)
         return
-    made = {handle.get_name(): handle for handle in way(path)}
+    made = {handle.get_name(): handle for handle in built(way, path)}
     assert made["stop_on_push"].get_parameter("threshold").value == 25.0
     assert "monitor" in made
     misspelt = write(tmp_path, nodes(skin={"thresold": 25.0}))
     with pytest.raises(ValueError, match="did you mean 'threshold'"):
-        way(misspelt)
+        built(way, misspelt)
 
 
 def documented(node: str) -> dict:
@@ -161,7 +171,7 @@ def node_sections(data: dict, node: str):
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("case", TAKEN)
 def test_what_a_file_leaves_out_is_as_documented(case, way, tmp_path):
-    handles = way(write(tmp_path, TAKEN[case]))
+    handles = built(way, write(tmp_path, TAKEN[case]))
     given = yaml.safe_load(TAKEN[case])
     assert {handle.get_name() for handle in handles} >= {"compensation", "stop_on_push"}
     for handle in handles:
@@ -176,3 +186,39 @@ def test_what_a_file_leaves_out_is_as_documented(case, way, tmp_path):
         assert set(names) - set(GIVEN) <= set(expected)
         for name in set(names) - set(GIVEN):
             assert handle.get_parameter(name).value == expected[name], name
+
+
+def started(skin) -> dict:
+    """Class -> node of a skin that is built, and closed again."""
+    made = {type(node).__name__: node for node in skin._nodes} if skin.build() else {}
+    for node in made.values():
+        getattr(node, "close", lambda: None)()
+    return made
+
+
+@pytest.mark.parametrize("case", ["cells only", "pitch without shape"])
+@pytest.mark.parametrize("way", WAYS)
+def test_what_a_partial_file_leaves_out_is_what_is_safe(case, way, tmp_path):
+    """The skin waits, stopped; and of a cover whose shape nobody stated no push has a direction."""
+    made = started(way(write(tmp_path, TAKEN[case])))
+    assert made["StopOnPush"].policy.decide(0.0).stop
+    assert not made["GestureFeature"].geometry.normal.any()
+
+
+def test_the_arm_of_the_examples_gives_the_gate_its_frame():
+    """MoveIt Servo's section in the same file is for another program."""
+    path = str(share_dir() / "examples" / "robot" / "arm.yaml")
+    words = ["--params-file", path, "-p", f"port:={PORT}", "-p", "cmd_vel_gate:=true"]
+    made = started(of_program(words))
+    assert made["GestureFeature"].geometry.normal.any()
+    assert next(node for name, node in made.items() if "Gate" in name)._cmd_vel.frame == "base_link"
+
+
+@pytest.mark.parametrize("way", OF_COMMANDS)
+def test_the_file_of_a_body_is_refused_for_one_skin(way, tmp_path):
+    """It would run on defaults, and never mention the others."""
+    skins = {"chest": {"geometry": {"shape": "plane"}}, "back": {"port": "/dev/ttyUSB9"}}
+    path = write(tmp_path, yaml.safe_dump({"skins": skins}, sort_keys=False))
+    with pytest.raises(ValueError, match=r"chest, back: is the file of a body"):
+        built(way, path)
+    assert read_skin(path, "chest/compensation").geometry.normal.any()

@@ -53,11 +53,7 @@ def running(*words):
         env=os.environ | {"PYTHONUNBUFFERED": "1"},
     )
     said = []
-
-    def read():
-        said.extend(process.stdout)
-
-    reader = threading.Thread(target=read, daemon=True)
+    reader = threading.Thread(target=lambda: said.extend(process.stdout), daemon=True)
 
     def line():
         assert process.poll() is None, "".join(said)
