@@ -42,10 +42,11 @@ def skin(kind, shape=(8, 8)) -> Circuit:
     return Circuit(*shape, readout=kind[0], driven=kind[1])
 
 
-def touched(circuit, seed):
+def touched(circuit, seed, ties=()):
     """Return 40 s of everyday touches of a board, 20 frames a second."""
     rng = np.random.default_rng(seed)
     board = FaultBoard(circuit, CURVE, rng)
+    board.matrix.wiring.ties.extend(ties)
     force = everyday(circuit.populated, 40.0, rng, CURVE.max_force, hard=False).force
     steps = board.ratio(force[:: KNOTS // 20]) * 1023.0
     steps += 0.5 * rng.standard_normal(steps.shape)
@@ -56,6 +57,33 @@ def touched(circuit, seed):
 def recorded(request):
     """A kind, and touches of such a board."""
     return request.param, touched(skin(request.param), 17)
+
+
+def test_a_line_that_comes_and_goes_is_no_other_readout():
+    """Also where it is open in touches, and then reads nothing."""
+    kind = "loaded", "rows"
+    frames = touched(skin(kind), 17)
+    frames[np.arange(len(frames)) % 20 < 3, 6] = 0.0
+    (finding,) = diagnose(frames, skin(kind), series=False)
+    assert finding.kind == "contact" and finding.rows == (6,)
+
+
+def test_stripes_that_touch_read_alike_under_touches():
+    """At rest too few cells differ by too little for that to be sure."""
+    frames = touched(skin(KINDS[0]), 17, ties=[(0, 2, 0, 3, 1.0)])
+    (finding,) = diagnose(frames, skin(KINDS[0]), series=False)
+    assert finding.kind == "short" and finding.rows == (2, 3)
+
+
+def test_stripes_that_touch_are_no_load():
+    """They conduct as one, which cells of sound stripes explain by a load on both."""
+    rng = np.random.default_rng(1)
+    cells = np.exp(0.15 * rng.standard_normal((8, 8))) / 15e3  # S
+    one = np.vstack([cells[:2], cells[2:4].sum(0, keepdims=True), cells[4:]])
+    read = forward(Circuit(7, 8), 1.0 / one)[[0, 1, 2, 2, 3, 4, 5, 6]]
+    frames = read + 5e-4 * rng.standard_normal((200, 8, 8))
+    (finding,) = diagnose(frames, Circuit(8, 8), series=False)
+    assert finding.kind == "short" and finding.rows == (2, 3)
 
 
 @pytest.mark.parametrize(
