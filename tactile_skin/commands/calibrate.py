@@ -19,7 +19,7 @@ from ..calibration.creep import measure_creep
 from ..calibration.curve_fit import MAX_LAG, POOR, FittedCurve, fit_reference
 from ..calibration.rest import supposing
 from ..guide.calibrated import write
-from ..guide.calibration import Guide, newtons
+from ..guide.calibration import OBJECT, Guide, newtons
 from ..guide.sent import GLANCE, check_sent
 from ..middleware.config import SkinConfig, read_skin
 from ..recording.lines import read_reference
@@ -185,6 +185,7 @@ def from_files(skin: SkinConfig, files: dict, loads: list[tuple[str, str]]) -> G
         if path:
             print(f"  {word}: {path}")
             source.open(path)
+            source.skip_to(guide.stands, OBJECT)
         return word
 
     guide = Guide(skin.circuit, source, ask, _say, show=_show)

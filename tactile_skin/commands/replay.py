@@ -18,7 +18,7 @@ from ..extras import each
 from ..middleware.config import SkinConfig
 from ..recording import Recording
 from ..recording.convert import export, to_recording
-from ..recording.frames import is_recording, read_frames, recorded_skin
+from ..recording.frames import Frames, is_recording, read_frames, recorded_skin
 from ..replay.results import STATUS, Compared, Job, Results, collect, compare, table
 from ..solvers import METHODS
 
@@ -80,7 +80,7 @@ def run(args) -> int:
         raise ValueError(f"--jobs = {args.jobs}: must be 1 or more, and 1 with --out")
     namespace = given.get("namespace", "")
     if args.export:
-        return _export(files[0], args.export, recorded_skin(files[0], config), namespace)
+        return _export(files[0], args.export, recorded_skin(files[0], config), given)
     with tempfile.TemporaryDirectory(prefix="tactile_skin_") as folder:
         paths = [_recording_of(path, Path(folder), config, given) for path in files]
         tasks = [Job(path, namespace, method, config or "") for path in paths]
@@ -124,18 +124,23 @@ def _recording_of(path: str, folder: Path, config: str | None, given: dict) -> s
     if is_recording(path):
         return path
     skin = recorded_skin(path, config)
-    rate = given.get("rate")
-    frames = read_frames(path, skin.circuit, rate=rate, full_scale=given.get("full_scale"))
-    _say_notes(path, frames.notes)
+    frames = _frames(path, skin, given)
     made = Path(tempfile.mkdtemp(dir=folder)) / f"{Path(path).stem}.mcap"
-    to_recording(frames, made, skin, config, rate or _RATE, time.time_ns())
+    to_recording(frames, made, skin, config, given.get("rate") or _RATE, time.time_ns())
     return str(made)
 
 
-def _export(path: str, out: Path, skin: SkinConfig, namespace: str) -> int:
-    frames = read_frames(path, skin.circuit, namespace)
+def _frames(path: str, skin: SkinConfig, given: dict) -> Frames:
+    """Read a file as it is said to be, and print what had to be supposed."""
+    said = {name: given.get(name) for name in ("rate", "full_scale")}
+    frames = read_frames(path, skin.circuit, given.get("namespace", ""), **said)
     _say_notes(path, frames.notes)
-    source = Recording(path, namespace) if is_recording(path) else frames
+    return frames
+
+
+def _export(path: str, out: Path, skin: SkinConfig, given: dict) -> int:
+    frames = _frames(path, skin, given)
+    source = Recording(path, given.get("namespace", "")) if is_recording(path) else frames
     export(source, frames, out)
     print(f"{out}: {len(frames.values)} frames")
     return 0

@@ -261,6 +261,11 @@ class Guide:
     def _touched(self, frame: np.ndarray) -> bool:
         return bool(np.nanmax(frame - self.rest.adc) > MOVED * self._noise)
 
+    def stands(self, frames: np.ndarray) -> bool:
+        """Whether something lies still on the skin in all of (n, rows, cols) frames."""
+        frames = self.rest.quiet(frames)
+        return self._touched(_mean(frames)) and self.moved(frames) <= MOST_MOVED
+
     def moved(self, frames: np.ndarray) -> float:
         """Share of a load's readings by which its first and its last frames differ, noise aside."""
         third = max(1, len(frames) // 3)

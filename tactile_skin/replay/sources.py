@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -53,9 +54,18 @@ class Recorded:
 
     def __call__(self, seconds: float) -> np.ndarray:
         """At the end of the file its last frames, again and again."""
-        n = min(max(2, round(seconds * self._rate)), len(self._frames))
+        n = self._count(seconds)
         self._at = min(self._at + n, len(self._frames))
         return self._frames[self._at - n : self._at]
+
+    def skip_to(self, wanted: Callable[[np.ndarray], bool], seconds: float) -> None:
+        """Go on to the first frames of so long that are wanted; where none are, stay."""
+        n = self._count(seconds)
+        starts = range(self._at, len(self._frames) - n + 1, max(n // 2, 1))
+        self._at = next((k for k in starts if wanted(self._frames[k : k + n])), self._at)
+
+    def _count(self, seconds: float) -> int:
+        return min(max(2, round(seconds * self._rate)), len(self._frames))
 
 
 class Live:

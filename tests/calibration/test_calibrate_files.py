@@ -55,6 +55,18 @@ def test_files_give_circuit_and_curve(files, capsys):
     assert len(out.read_text().splitlines()) < 60
 
 
+def test_a_file_may_begin_before_its_object_lies_there(files, tmp_path, capsys):
+    folder, _ = files
+    idle = np.load(folder / "rest.npy")[:130].reshape(130, -1)
+    for grams in (500, 1200, 3000):
+        lying = np.loadtxt(folder / f"{grams}.csv", delimiter=",")
+        np.savetxt(tmp_path / f"{grams}.csv", [*idle, *lying], "%.3f", ",")
+    loads = [f"{g}g:={tmp_path / f'{g}.csv'}" for g in (500, 1200, 3000)]
+    status, _ = calibrate(folder, f"rest:={folder / 'rest.npy'}", *loads)
+    said = capsys.readouterr().out
+    assert status == 0 and said.count("felt: ") == 1 and "nothing lies" not in said
+
+
 @pytest.mark.parametrize("touched", [False, True])
 def test_weights_without_a_curve_are_a_failure(files, capsys, touched):
     """What else was found is written all the same, and named; a file with nothing new is not."""

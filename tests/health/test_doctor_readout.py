@@ -42,10 +42,11 @@ def skin(kind, shape=(8, 8)) -> Circuit:
     return Circuit(*shape, readout=kind[0], driven=kind[1])
 
 
-def touched(circuit, seed):
+def touched(circuit, seed, ties=()):
     """Return 40 s of everyday touches of a board, 20 frames a second."""
     rng = np.random.default_rng(seed)
     board = FaultBoard(circuit, CURVE, rng)
+    board.matrix.wiring.ties.extend(ties)
     force = everyday(circuit.populated, 40.0, rng, CURVE.max_force, hard=False).force
     steps = board.ratio(force[:: KNOTS // 20]) * 1023.0
     steps += 0.5 * rng.standard_normal(steps.shape)
@@ -56,6 +57,39 @@ def touched(circuit, seed):
 def recorded(request):
     """A kind, and touches of such a board."""
     return request.param, touched(skin(request.param), 17)
+
+
+def test_a_line_that_comes_and_goes_is_no_virtual_ground():
+    """Open in most touches it reads nothing in them, which no network explains."""
+    circuit, rng = Circuit(8, 10, r_ref=1e4, r_par=25.0, readout="loaded"), np.random.default_rng(0)
+    cells = np.exp(0.15 * rng.standard_normal(circuit.shape)) / 15e3  # S
+    frames = [forward(circuit, 1.0 / cells)] * 200
+    for _ in range(20):
+        (row, col), pressed = rng.integers(0, (6, 8)), cells.copy()
+        pressed[row : row + 3, col : col + 3] = 1.0 / rng.uniform(300.0, 900.0, (3, 3))
+        frames += [forward(circuit, 1.0 / pressed)] * 10 + frames[:10]
+    frames = np.array(frames) + 5e-4 * rng.standard_normal((len(frames), *circuit.shape))
+    frames[np.arange(len(frames)) % 20 < 15, 6] = 0.0
+    (finding,) = diagnose(np.clip(frames, 0.0, 1.0), circuit, series=False)
+    assert finding.kind == "contact" and finding.rows == (6,)
+
+
+def test_stripes_that_touch_read_alike_under_touches():
+    """At rest too few cells differ by too little for that to be sure."""
+    frames = touched(skin(KINDS[0]), 17, ties=[(0, 2, 0, 3, 1.0)])
+    (finding,) = diagnose(frames, skin(KINDS[0]), series=False)
+    assert finding.kind == "short" and finding.rows == (2, 3)
+
+
+def test_stripes_that_touch_are_no_load():
+    """They conduct as one, which cells of sound stripes explain by a load on both."""
+    rng = np.random.default_rng(1)
+    cells = np.exp(0.15 * rng.standard_normal((8, 8))) / 15e3  # S
+    one = np.vstack([cells[:2], cells[2:4].sum(0, keepdims=True), cells[4:]])
+    read = forward(Circuit(7, 8), 1.0 / one)[[0, 1, 2, 2, 3, 4, 5, 6]]
+    frames = read + 5e-4 * rng.standard_normal((200, 8, 8))
+    (finding,) = diagnose(frames, Circuit(8, 8), series=False)
+    assert finding.kind == "short" and finding.rows == (2, 3)
 
 
 @pytest.mark.parametrize(

@@ -101,6 +101,18 @@ def test_a_foreign_file_is_replayed_recorded_and_exported(tmp_path, config, call
     assert status == 0 and "readings  199" in said
 
 
+def test_an_export_takes_rate_and_full_scale(tmp_path, config, call):
+    """Of a file that says neither, as a replay does."""
+    path, out = tmp_path / "volts.csv", tmp_path / "out.npz"
+    volts = np.random.default_rng(4).uniform(0.9, 3.0, (30, 20))
+    np.savetxt(path, volts, "%.3f", ",")
+    words = f"config:={config}", "rate:=50", "full_scale:=5.0"
+    assert call("replay", path, *words, "--export", out)[0] == 0
+    steps = read_skin(config).circuit.full_scale / 5.0 * volts.reshape(30, 4, 5)
+    np.testing.assert_allclose(np.load(out)["frames"], steps, atol=0.2)
+    np.testing.assert_allclose(np.load(out)["times"], np.arange(30) / 50.0)
+
+
 def test_the_reason_of_a_stop_from_the_first_reading_on_is_said(tmp_path, config, call):
     calm, pressed = rest(tmp_path), tmp_path / "pressed.npy"
     np.save(pressed, np.random.default_rng(3).integers(200, 900, (60, 4, 5)).astype(np.uint16))

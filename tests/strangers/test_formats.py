@@ -82,6 +82,16 @@ def test_packets_that_no_description_reads_are_named_by_their_period(make, said)
     assert said in seen.about
 
 
+@pytest.mark.parametrize("behind", ["", "\r\n"])
+def test_a_reading_a_line_is_no_column_unless_that_is_said(behind):
+    """No parser reads a frame of several columns so."""
+    data = boards.sent(lambda a, k: "".join(f"{v}\r\n" for v in a.ravel()) + behind, pictures())
+    for known in (None, SHAPE):
+        seen = recognise(data, known)
+        assert seen.protocol == "" and "a reading a line" in seen.about
+    assert not behind or recognise(data, (48, 1)).sure
+
+
 def test_numbers_without_a_line_end_are_named():
     data = "".join("\t".join(map(str, a.ravel())) for a in pictures(50, (2, 2))).encode()
     parser = make_parser("text", 2, 2, BITS)

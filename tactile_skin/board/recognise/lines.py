@@ -114,8 +114,11 @@ def _take_apart(line: bytes) -> _Line | None:
         ends = [m.start() for m in marks[1:]] + [len(body)]
         pieces = [body[m.end() : end] for m, end in zip(marks, ends, strict=True)]
         sizes = [len(re.findall(rb"[\d.]+", piece)) for piece in pieces]
-        usual = Counter(sizes).most_common(1)[0][0] if len(sizes) > 2 else max(sizes)
-        k = next(i for i, size in enumerate(sizes) if size == usual)
+        framed = max(sizes) > len(sizes)  # one of them holds the readings
+        usual = max(sizes) if framed or len(sizes) == 2 else Counter(sizes).most_common(1)[0][0]
+        k = sizes.index(usual)
+        if framed and set(sizes[k + 1 :]) == {1}:
+            pieces[k + 1 :] = [b"~," if b"," in pieces[k] else b"~"] * len(pieces[k + 1 :])
         if k:
             joints = [b"~," if b"," in piece else b"~" for piece in pieces[:k]]
             label = b"".join(m.group() + j for m, j in zip(marks, joints, strict=False))
@@ -269,6 +272,7 @@ def recognise_lines(data: bytes, shape: tuple[int, int] | None = None) -> Seen:
 
 
 _NO_NUMBERS = "text arrives, but no lines of numbers"
+_SINGLE = "a reading a line: print its number in front (of one column, give rows and cols)"
 
 
 def _structure(lines, kind: tuple, end: bytes, shape: tuple[int, int] | None) -> Seen:
@@ -301,6 +305,8 @@ def _structure(lines, kind: tuple, end: bytes, shape: tuple[int, int] | None) ->
         return seen(f"a reading a line, with its number, {size[0]} a frame")
     if size:
         return seen(f"a row a line, with its number: {size[0]} of {width}", (size[0], width))
+    if width == 1 != (shape or (0, 0))[1]:
+        return seen(_SINGLE, None, "")
     blocks = _blocks(lines, kind)
     rows, often = Counter(blocks).most_common(1)[0] if blocks else (1, 0)
     if rows > 1 and often >= _KINDS_SOUND * len(blocks) and width != cells:

@@ -214,9 +214,13 @@ def ignored_diode(circuit: Circuit, rest: Rest, touches) -> Finding | None:
 
 
 def _touched(seen: Recorded, n: int) -> readout.Touched:
-    """Return the untouched skin, and its n hardest touches."""
-    at_rest = np.where(seen.read, seen.base / seen.circuit.full_scale, np.nan)
-    touches = np.where(seen.read, touches_of(seen, n), np.nan)
+    """Return the untouched skin, and its n hardest touches, without lines that come and go."""
+    read = seen.read.copy()
+    for finding in readings.loose_lines(seen, set()):
+        for axis, line in damaged.whole_lines(finding):
+            seen.turned(axis, read)[line] = False
+    at_rest = np.where(read, seen.base / seen.circuit.full_scale, np.nan)
+    touches = np.where(read, touches_of(seen, n), np.nan)
     return readout.Touched(at_rest, seen.usual_noise, touches)
 
 

@@ -8,6 +8,8 @@ the size by which another order would be smoother than this one.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -25,15 +27,31 @@ _MAJORITY = 0.5  # of the votes' sum over the sum of their sizes
 _GAIN = 0.06  # share of all variation that the other order saves at least, of one touch
 _LIGHT = 0.03  # share of the picture's largest value below which a cell counts as untouched
 _FEWEST_LINES = 4  # whose order the touches tell
+_NOISE = 3.0  # times what noise explains of a squared difference, as at rest
 
 
 def equal_lines(seen: Recorded, skip) -> list[tuple[int, int, int]]:
-    """Return (axis, line, line) pairs whose readings are equal at rest."""
+    """Return (axis, line, line) pairs whose readings are equal, at rest or under touches."""
     cells, steps = seen.cells.copy(), seen.base.astype(float)
     for axis, line in skip:
         seen.turned(axis, cells)[line] = False
     noise = seen.usual_noise / np.count_nonzero(seen.quiet) ** 0.5
-    return at_rest.equal_lines(steps, noise, cells)
+    return sorted({*at_rest.equal_lines(steps, noise, cells), *_under_touches(seen, cells)})
+
+
+def _under_touches(seen: Recorded, cells: np.ndarray) -> Iterator[tuple[int, int, int]]:
+    """Yield the pairs that read alike, to the noise, in some touches that press them most."""
+    steps = np.where(cells, seen.steps[seen.touches], 0.0)
+    for axis in (0, 1):
+        there, touches = seen.turned(axis, cells), seen.turned(axis, steps)
+        pressed = touches.max(2).argmax(1)
+        for a, b in combinations(np.flatnonzero(there.any(1)).tolist(), 2):
+            both, on = there[a] & there[b], touches[np.isin(pressed, (a, b))]
+            if len(on) < FEW_TOUCHES or not both.any():
+                continue
+            apart = np.square(on[:, a, both] - on[:, b, both]).mean()
+            if apart < _NOISE * 2.0 * seen.usual_noise**2:
+                yield axis, a, b
 
 
 def misplaced(seen: Recorded, skip, cells=(), pressed=()) -> list[Finding]:

@@ -8,6 +8,7 @@ from scipy.ndimage import label
 
 from ...calibration.rest import NOISY, resting_conductance
 from ...findings.finding import Finding, Kind, at
+from .order import equal_lines
 from .readings import SEVERAL_CELLS
 from .recorded import Recorded, loose
 
@@ -28,6 +29,8 @@ def unrested(seen: Recorded) -> Finding | None:
     if np.count_nonzero(moving) >= SEVERAL_CELLS:
         numbers = {"count": np.count_nonzero(moving), "cells": np.count_nonzero(cells)}
         return Finding(Kind.TOO_LITTLE_SEEN, "moves", numbers=numbers)
+    for axis, *pair in equal_lines(seen, ()):  # touching stripes seem loaded
+        seen.turned(axis, cells)[pair] = False
     standing = _standing(seen, cells)
     if not standing.any():
         return None

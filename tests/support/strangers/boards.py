@@ -36,6 +36,11 @@ def json_line(a, k) -> str:
     return f'{{"t":{17 * k + 5},"data":[{_joined(a.ravel())}]}}\n'
 
 
+def nested_json(a, k) -> str:
+    rows = ", ".join(f"[{_joined(row, ', ')}]" for row in a)
+    return f'{{"n": {k}, "skin": {{"rows": [{rows}]}}, "volt": 3.7{k % 9}, "ok": 1}}\n'
+
+
 def json_lines(a, k) -> str:
     rows = ",\r\n".join(f'"row{i}": [{_joined(row)}]' for i, row in enumerate(a))
     return '{\r\n"FSR": {\r\n' + rows + "\r\n}\r\n}\r\nEND\r\n"
@@ -110,9 +115,10 @@ TEXT = {
     f.__name__: f
     for f in (
         frame_a_line, counter_in_front, time_and_class, bracketed, labelled, json_line, json_lines,
-        row_a_line, rows_under_a_heading, rows_with_a_label, rows_with_a_number, numpy_print,
-        rows_with_a_word, clock_in_front, rows_with_a_hash, index_value, row_col_value,
-        cell_in_words, volts, millivolts, carriage_returns, angle_brackets, status_lines,
+        nested_json, row_a_line, rows_under_a_heading, rows_with_a_label, rows_with_a_number,
+        numpy_print, rows_with_a_word, clock_in_front, rows_with_a_hash, index_value,
+        row_col_value, cell_in_words, volts, millivolts, carriage_returns, angle_brackets,
+        status_lines,
     )
 }  # fmt: skip
 
