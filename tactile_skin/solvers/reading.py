@@ -9,6 +9,7 @@ from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import ndtri
 
 from ..files import shorten
 from ..physics import readouts
@@ -23,13 +24,10 @@ ROUNDING_NOISE = 12**-0.5  # ADC steps RMS of rounding to whole steps
 # Share of the smallest magnitudes that a standard deviation is estimated from. A median would jump
 # with the steps of an ADC.
 _KEPT = 0.8
-_STD_OVER_MEAN = 1.790  # standard deviation over the mean of these, for a normal distribution
+# standard deviation over the mean of these, for a normal distribution
+_STD_OVER_MEAN = _KEPT * (np.pi / 2) ** 0.5 / -np.expm1(-0.5 * ndtri(0.5 + 0.5 * _KEPT) ** 2)
 # ADC steps below which noise of single scans is cut off at 0, so that their mean is too high.
 _CUT_OFF = 2.0
-# Standard deviations below a threshold from which on a capped reading contradicts the model. Those
-# just above the threshold are the ones that noise raised: so what both say balances, over readings
-# of all sizes.
-_BELOW = 1.0
 _MIN_AT_REST = 8  # readings of cells at rest that noise is measured by: it is then right to 25 %
 
 
@@ -147,11 +145,14 @@ class Reading:
         misfit = (self.adc - adc) * full_scale
         if not self.all_read:
             misfit *= self.known
+        # A capped reading contradicts the model from one standard deviation below the threshold on.
+        # Those just above it are the ones that noise raised: so what both say balances, over
+        # readings of all sizes.
         if self.threshold:
-            over = np.minimum((self.threshold - adc) * full_scale - _BELOW * self.noise, 0.0)
+            over = np.minimum((self.threshold - adc) * full_scale - self.noise, 0.0)
             misfit = np.where(self.capped, over, misfit)
         if not self.all_read and self.topped.any():
-            under = np.maximum((self.adc - adc) * full_scale + _BELOW * self.noise, 0.0)
+            under = np.maximum((self.adc - adc) * full_scale + self.noise, 0.0)
             misfit = np.where(self.topped, under, misfit)
         return misfit
 
