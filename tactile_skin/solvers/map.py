@@ -34,9 +34,8 @@ _ALONE = 1.5  # the same that one cell alone may gain then, where a fit did not 
 _JOIN_CHI2 = 6.0
 _JOIN_SHARE = 0.1  # of the best cell's gain, that it must gain as well
 _MOST_JOIN = 40  # cells that join in one step: of more, most would be found at rest again
-_MEMORY = 4  # last costs, of which a step must not exceed the largest: a bound met costs at first
 _DENSE = 600  # unknowns up to which a Cholesky factor is faster than conjugate gradients
-_CG_STEPS = 100
+_MEMORY = 4  # last costs, of which a step must not exceed the largest: a bound met costs at first
 _UNCHANGED = 2.2  # standard deviations of chi^2 up to which a frame is that of the same load
 _WIDEN = 1.2  # what the measured coverage requires; not of loads on all cells
 # Noise that is measured in the frame (docs/derivation.md).
@@ -244,7 +243,7 @@ class _Step(NamedTuple):
 
 def _gauss_newton(reading: Reading, point: Point) -> _Step:
     low, high = reading.bounds
-    g, gx, circuit = point.model.g, point.gx, reading.circuit
+    g, circuit = point.model.g, reading.circuit
     # A cell at rest joins if it alone would gain enough, compared with the best: a touch that moved
     # leaves misfit along its lines in cells that the next step finds at rest.
     slope, alone = point.slope, point.alone
@@ -258,17 +257,14 @@ def _gauss_newton(reading: Reading, point: Point) -> _Step:
     (free,) = moves.ravel().nonzero()
     if not free.size:
         return _Step(free, np.zeros(0), 0.0)
-    b = slope.flat[free]
+    b, between = slope.flat[free], prior_terms.differences(circuit)
     if free.size > _DENSE:
-        dx = _conjugate_gradients(point, prior_terms.differences(circuit), free, b)
+        dx = _conjugate_gradients(point, between, free, b)
         solved = bool(np.isfinite(dx).all())
         return _Step(free, dx, 0.5 * b @ dx, solved=solved)
-    between = prior_terms.differences(circuit)
     information = prior_terms.information(point.jacobian(free))
     precision = prior_terms.precision(information, point.prior, between, free)
-    here = g.ravel()[free]
-    ends = ((bound.ravel()[free] - here) / gx.ravel()[free] for bound in (low, high))
-    dx, factor, inside = solve_in_box(precision, b, *ends)
+    dx, factor, inside = solve_in_box(precision, b, *point.ends(free))
     # The factor of a matrix with overflows is unusable, though LAPACK may return one.
     if factor is None or not np.isfinite(precision.diagonal()).all() or not np.isfinite(dx).all():
         return _Step(free, dx, 0.0, solved=False)
@@ -287,22 +283,16 @@ def _conjugate_gradients(point: Point, between, free: np.ndarray, b: np.ndarray)
         data = point.gx * network.pull(square * network.change(point.gx * picture))
         return (data + prior_terms.product(point.prior, picture, between)).ravel()[free]
 
-    return conjugate_gradients(product, lambda r: r / diagonal, b, steps=_CG_STEPS, target=1e-2)
+    return conjugate_gradients(product, lambda r: r / diagonal, b)
 
 
 def _descend(reading: Reading, point: Point, step: _Step, broad: bool, ceiling) -> Point:
     """Take the step, or as much of it as stays below `ceiling`; the old point if none does."""
     if not step.free.size:
         return point
-    low, high = (bound.ravel()[step.free] for bound in reading.bounds)
     dx = step.dx
     for _ in range(6):
-        # in g: the readings are closer to linear in g than in log g
-        change = np.minimum(np.maximum(dx, -0.9), 3.0) * point.gx.ravel()[step.free]
-        g = point.model.g.copy()
-        flat = g.reshape(-1)
-        flat[step.free] = np.minimum(np.maximum(flat[step.free] + change, low), high)
-        new = Point(reading, g, broad)
+        new = Point(reading, point.stepped(step.free, dx), broad)
         if new.cost <= ceiling:
             return new
         dx = 0.4 * dx

@@ -17,7 +17,6 @@ import numpy as np
 from scipy.linalg import lapack
 
 from ..physics import laplacian, readouts
-from ..physics.conjugate_gradients import conjugate_gradients
 from ..physics.readouts import BOUND
 from .estimate import Estimate
 from .fixed_point import START_STEPS, closed_form, first_guess, iterate, last_guess
@@ -34,9 +33,8 @@ _ROUNDS = 2  # in which the unknowns of a step are found
 # Times its noise by which a valid reading is missed: where a bound acts, this is the best fit in
 # another measure than ADC steps. 2 in 1,000 exceed 2, 1 in 10,000 exceeds 2.5.
 _SLACK = 2.2
-_INEXACT = 1e-2  # of its right side that a step without the matrix leaves: the next one has it
-_PAST = 0.1  # of its slope at the begin of a step, that phi may fall with at the end
 _DENSE = 400  # unknowns up to which a Cholesky factor is faster than conjugate gradients
+_PAST = 0.1  # of its slope at the begin of a step, that phi may fall with at the end
 
 
 def newton(reading: Reading, start: Estimate | None = None) -> Estimate:
@@ -173,7 +171,7 @@ def _step_solver(reading: Reading, network, g: np.ndarray, free: np.ndarray):
     network = network.inverse
     scale = np.sqrt(g.flat[free]).astype(np.float32)
     if free.size > _DENSE:
-        return _matrix_free_solver(network, g, free)
+        return laplacian.hessian_solver(network, g, free)
     v = laplacian.crossing_factor(network)[free]
     v *= np.sqrt(scale)[:, None]
     squared = np.square(v @ v.T)
@@ -196,15 +194,3 @@ def _unsymmetric_solver(reading: Reading, network, g: np.ndarray, free: np.ndarr
     factor, pivots, _ = lapack.sgetrf(matrix.T, overwrite_a=True)  # of the transposed
     rho = rho.flat[free]
     return lambda b: g.flat[free] * lapack.sgetrs(factor, pivots, b / rho, trans=1)[0]
-
-
-def _matrix_free_solver(network: laplacian.Network, g: np.ndarray, free: np.ndarray):
-    """Return the same without the matrix: a product costs O(lines^3)."""
-    picture = np.zeros(g.shape)
-
-    def product(p):
-        picture.flat[free] = p
-        return laplacian.hessian_product(network.k, picture).flat[free]
-
-    near = laplacian.near_hessian(network.rho, g, free)
-    return lambda b: conjugate_gradients(product, near, b, steps=300, target=_INEXACT)
