@@ -12,11 +12,11 @@ from scipy.special import gammaincinv
 
 from ..findings.finding import Finding, Kind, Severity
 from ..physics.adc import Adc
+from ..solvers.reading import FEW
 from .check import ABOVE, CALM, WINDOW, Check, Seen
 
 _ALIKE = 3.0  # times that readings at rest are further apart than now, which makes a fault,
 _STILL_ALIKE = 2.0  # and which ends it
-_MANY = 8  # readings at least
 # `Window.noise` over the noise: what changes from one of its frames to the next has twice so many
 # degrees of freedom (von Neumann 1941), and `CALM` of such spreads lie below.
 _FREE = (WINDOW - 1) ** 2 / (3 * WINDOW - 4)
@@ -35,7 +35,7 @@ class RestPicture(Check):
         if window is None or seen.rest is None:
             return
         read = window.mean > 0.0
-        if np.count_nonzero(read) < _MANY:
+        if np.count_nonzero(read) < FEW:
             self.found = self._before = None
             return
         now, rest = window.mean[read], self._adc.rising_count(seen.rest)[read]

@@ -40,7 +40,6 @@ _UNCHANGED = 2.2  # standard deviations of chi^2 up to which a frame is that of 
 _WIDEN = 1.2  # what the measured coverage requires; not of loads on all cells
 # Noise that is measured in the frame (docs/derivation.md).
 _MAX_FITS = 6  # that may be made
-_AGREE = 1.15  # factor within which two agree
 _LOUD = 2.0  # times the usual noise: a fit that did not know of it is no start for another
 _USUAL_NOISE = 0.6  # ADC steps that boards usually have,
 _USUAL_COUNT = 3.0  # which counts as so many readings
@@ -114,8 +113,8 @@ def _fit(
     if converged and not reading.late():
         again, g = reading, point.model.g
         if not reading.noise_given and fits:
-            noise = _noise_left(reading, point, step)
-            if not 1.0 / _AGREE < noise / reading.noise < _AGREE:
+            noise, close = _noise_left(reading, point, step), suspect.MEASURED_NOISE
+            if not 1.0 / close < noise / reading.noise < close:
                 again = reading.with_noise(noise)
             if broad or again.noise > _LOUD * _USUAL_NOISE:
                 g = begin

@@ -16,6 +16,7 @@ from ..learning import denoiser
 from ..physics import compiled, quadratic
 from ..physics.quadratic import inverse, solve_in_box
 from .reading import Reading
+from .suspect import CHI2_LIMIT
 
 # Chosen on bodies of many sizes and textures (benchmarks/accuracy/prior.py).
 _SPREAD = 0.3  # of x, and of its differences between neighbours, below which they are drawn to 0
@@ -28,7 +29,6 @@ _MOST_FALL = -0.9  # of a cell's conductance, by which a step may change it
 _MOST_RISE = 3.0  # the same
 # The last step, `with_neighbours`.
 _STEPS = 3  # at most; one nearly always
-_RISE = 3.0  # standard deviations by which chi^2 may rise: more is the step's curvature
 
 
 class Differences:
@@ -309,7 +309,9 @@ def with_neighbours(
     unknown.flat[free] = True
     data = equations.information
     mean, std = denoiser.shipped()(point.x, std_x, point.own, unknown, cells)
-    limit = np.square(point.model.misfit).sum() + _RISE * (2.0 * reading.n_informative) ** 0.5
+    # what chi^2 rises by beyond chance is the step's curvature
+    beyond = CHI2_LIMIT * (2.0 * reading.n_informative) ** 0.5
+    limit = np.square(point.model.misfit).sum() + beyond
     for _ in range(_STEPS):
         terms = known(point.x, 1.0, mean, std, unknown)
         b = (point.pull - terms.gradient).ravel()[free]
