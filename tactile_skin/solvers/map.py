@@ -24,7 +24,7 @@ from .aside import without_bad_contacts
 from .estimate import Estimate, spread
 from .fixed_point import START_STEPS, fill, first_guess, iterate, last_guess
 from .prior import NormalEquations, Point
-from .reading import NEAR_REST, OUTLIER, ROUNDING_NOISE, Reading, noise_at_rest
+from .reading import NEAR_REST, OUTLIER, ROUNDING_NOISE, SCAN_NOISE, Reading, noise_at_rest
 
 MAX_STEPS = 12  # of Gauss-Newton; bounds the time of readings that no circuit explains
 _NEAR = 1.2  # residual over noise at which the fixed point has done its part
@@ -40,9 +40,8 @@ _UNCHANGED = 2.2  # standard deviations of chi^2 up to which a frame is that of 
 _WIDEN = 1.2  # what the measured coverage requires; not of loads on all cells
 # Noise that is measured in the frame (docs/derivation.md).
 _MAX_FITS = 6  # that may be made
-_LOUD = 2.0  # times the usual noise: a fit that did not know of it is no start for another
-_USUAL_NOISE = 0.6  # ADC steps that boards usually have,
-_USUAL_COUNT = 3.0  # which counts as so many readings
+_LOUD = 2.0  # times `SCAN_NOISE`: a fit that did not know of it is no start for another
+_USUAL_COUNT = 3.0  # readings, as which `SCAN_NOISE`, that boards usually have, counts
 
 
 def map_estimate(reading: Reading, start: Estimate | None = None) -> Estimate:
@@ -116,7 +115,7 @@ def _fit(
             noise, close = _noise_left(reading, point, step), suspect.MEASURED_NOISE
             if not 1.0 / close < noise / reading.noise < close:
                 again = reading.with_noise(noise)
-            if broad or again.noise > _LOUD * _USUAL_NOISE:
+            if broad or again.noise > _LOUD * SCAN_NOISE:
                 g = begin
         if again.noise != reading.noise:
             found = _fit(again, g, warm, max(fits - 1, 0), level)
@@ -215,7 +214,7 @@ def _with_noise_at_rest(reading: Reading, g: np.ndarray) -> Reading:
     at_rest = reading.known & reading.circuit.populated & (g < NEAR_REST * low)
     adc = reading.model(np.where(at_rest, low, g))
     noise = noise_at_rest(reading.misfit(adc)[at_rest])
-    return reading.with_noise(_USUAL_NOISE if noise is None else noise)
+    return reading.with_noise(SCAN_NOISE if noise is None else noise)
 
 
 def _noise_left(reading: Reading, point: Point, step: _Step) -> float:
@@ -228,7 +227,7 @@ def _noise_left(reading: Reading, point: Point, step: _Step) -> float:
     left = reading.n_informative - absorbed
     misfit = suspect.beside_sums(reading, point.model.misfit)
     square = np.minimum(np.square(misfit), OUTLIER**2).sum() * reading.fitted_noise**2
-    usual = _USUAL_COUNT * _USUAL_NOISE**2
+    usual = _USUAL_COUNT * SCAN_NOISE**2
     return float(((square + usual) / (left + _USUAL_COUNT)) ** 0.5)
 
 

@@ -24,9 +24,9 @@ from .reading import Reading
 from .suspect import estimate_from_force
 
 MAX_STEPS = 40  # 5 is usual; bounds the time of readings that no circuit explains
-# Share of the supply by which a closed form may miss the voltage of a driven line: so little that
-# no cell is off by 1e-3 g.
-_EXACT = 1e-9
+# Share of the supply by which exact readings differ, and a closed form may miss the voltage of a
+# driven line: so little that no cell is off by 1e-3 g.
+EXACT = 1e-9
 _DONE = 1e-7  # relative step of g; a thousandth of a gram is 6e-7 at full load
 _DONE_NOISY = 1e-4  # the same of a noisy reading: the step itself leaves a twentieth of it
 _ROUNDS = 2  # in which the unknowns of a step are found
@@ -40,7 +40,7 @@ _PAST = 0.1  # of its slope at the begin of a step, that phi may fall with at th
 def newton(reading: Reading, start: Estimate | None = None) -> Estimate:
     """Projected Newton from `start`, or from a few steps of the fixed point."""
     reading.need_all_cells("newton")
-    if (found := closed_form(reading, _EXACT)) is not None:
+    if (found := closed_form(reading, EXACT)) is not None:
         (g, steps, done), iterations = found, 0
         if steps and not reading.noise:  # of an exact reading the last digits
             g, iterations, done = maximise(reading, g)
