@@ -335,7 +335,7 @@ def robust_std(magnitudes: np.ndarray) -> float:
 def rounding_left(steps: np.ndarray) -> float:
     """RMS error that rounding leaves of mean readings [ADC steps]; NaN: not read.
 
-    Readings that noise does not move keep what whole steps cut off: their means are whole. By
+    Readings that noise does not move keep what rounding cut off: their means have no fraction. By
     noise of half a step and more the means of readings of all sizes take all fractions alike,
     and what is left of rounding is noise (dither; Widrow and Kollar, Quantization Noise, 2008).
     """
