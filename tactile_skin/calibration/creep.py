@@ -14,6 +14,7 @@ from ..physics.circuit import Circuit
 from ..physics.creep import MAX_SHARE, Creep
 from ..physics.curve import PressureCurve
 from ..solvers import compensate
+from ..solvers.evidence import MODEL
 from .rest import Rest, check_frames, check_times
 
 LIMIT = 0.2  # share of what a cell conducts that is taken out at most
@@ -30,7 +31,6 @@ _LOADED = 0.1  # of the most loaded cell, from which on a cell is used
 _STOOD = 0.7  # of the usual reading, above which the object is there
 _TIMES = 10.0 ** np.arange(-1.0, 1.01, 0.1)  # s that are tried as `Creep.time`
 _SPREAD = 0.5  # standard deviation of its log10, about the usual one
-_ERROR = 5e-4  # share of the conductance by which a mean frame errs at least
 
 
 def as_it_comes(curve: PressureCurve, creep: Creep, known: Creep | None = None) -> PressureCurve:
@@ -123,7 +123,7 @@ def _fit(t: np.ndarray, conducts: np.ndarray) -> Creep:
         error = (total - decades @ (first, slope)) / first
         found.append((slope / first, np.square(error).sum(), decades))
     share, square, decades = map(np.array, zip(*found, strict=True))
-    variance = max(square.min() / max(t.size - 3, 1), _ERROR**2)
+    variance = max(square.min() / max(t.size - 3, 1), MODEL**2)
     improbable = square / variance + np.square(np.log10(_TIMES / Creep.time) / _SPREAD)
     weight = np.exp(-0.5 * (improbable - improbable.min()))
     weight /= weight.sum()

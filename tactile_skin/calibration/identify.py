@@ -35,9 +35,8 @@ _DONE = 0.2  # standard deviations by which the last round moved
 # ohm, a 74HC595's 20 to 70.
 _PRIOR = {"r_par": 0.2, "r_line": 8.0, "r_drive": 50.0}
 TOLD = {"r_par": 0.03, "r_line": 4.0, "r_drive": 4.0}  # the same, below which it is told
-# What is supposed of r_par is off so evidently, by standard deviations and by the share of what is
-# found, that a rough value is better; soft rims alone make it 20 % too high.
-_EVIDENT = 8.0
+# What is supposed of r_par is off so evidently, by `SURE` and this share of what is found, that a
+# rough value is better; soft rims alone make it 20 % too high.
 _FAR = 0.5
 FEWEST = 3  # frames; with fewer one odd touch decides
 SURE = 5.0  # standard deviations by which the configuration must be wrong
@@ -53,7 +52,7 @@ class Identified:
         std: name -> one standard deviation [ohm].
         told: name -> whether the frames tell it: its standard deviation is below 3 % of r_par (of
             `evidence.series_scale`), or 4 ohm of r_line or r_drive; or the supposed r_par is off by
-            half of it and 8 standard deviations. r_line never if loaded.
+            half of it and 5 standard deviations. r_line never if loaded.
         missing: what they do not tell, and more of them would.
         frames: how many of them say anything.
         message: for a person.
@@ -264,7 +263,7 @@ def _identified(circuit: Circuit, solution: Solution, ended: int) -> Identified:
     limits = np.array([r_par * series_scale(circuit), other])
     told = std < limits
     there = series_scale(shifted(circuit, off))
-    told[0] |= abs(off[0]) > max(_EVIDENT * std[0], _FAR * there)
+    told[0] |= abs(off[0]) > max(SURE * std[0], _FAR * there)
     readout = circuit.readout_class
     if ideal := not (readout.knows_r_line or readout.knows_r_drive):
         told[1] = False

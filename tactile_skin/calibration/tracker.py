@@ -20,7 +20,7 @@ from ..solvers.evidence import (
     Supposed,
     series_scale,
 )
-from ..solvers.reading import ROUNDING_NOISE, rest_reading
+from ..solvers.reading import rest_reading, rounding_left
 from .identify import (
     CONTRADICTION,
     FEWEST,
@@ -174,7 +174,9 @@ class CircuitTracker:
             return False
         self._last = stretch.mean
         self._suppose(curve, noise)
-        of_mean = np.hypot(noise / stretch.frames**0.5, self._not_dithered(stretch))
+        circuit = self._configured
+        left = rounding_left(stretch.mean[circuit.populated] * circuit.full_scale)
+        of_mean = np.hypot(noise / stretch.frames**0.5, left)
         self._take(stretch.mean, float(of_mean))
         if self._asked and (self._asked[0].at != self._off).any():
             old = self._asked.popleft()
@@ -282,17 +284,6 @@ class CircuitTracker:
         most = POSSIBLE["r_par"] * max(given.r_par, MIN_SCALE * given.r_ref)
         least = -np.inf if given.readout == "loaded" else -most
         return not (least <= off[0] <= most and abs(off[1]) <= POSSIBLE[names(given)[1]])
-
-    def _not_dithered(self, stretch: _Stretch) -> float:
-        """RMS error of the mean that rounding leaves [ADC steps].
-
-        Readings that noise does not move keep what whole steps cut off: their means are whole. By
-        noise of half a step and more the means of readings of all sizes take all fractions alike,
-        and what is left of rounding is noise (dither; Widrow and Kollar, Quantization Noise, 2008).
-        """
-        steps = (stretch.mean * self._configured.full_scale)[self._configured.populated]
-        lost = 1.0 - np.nanmean(np.square(steps - np.rint(steps))) / ROUNDING_NOISE**2
-        return float(ROUNDING_NOISE * max(lost, 0.0))
 
     @staticmethod
     def _chi2(asked: _Asked, off: np.ndarray) -> float:

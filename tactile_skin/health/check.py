@@ -13,7 +13,7 @@ from ..solvers import Estimate
 
 WINDOW = 10  # frames that are looked at together: 0.1 s at 100 a second
 ABOVE = 16.0  # ADC steps over the middle reading: below, nothing presses
-_CALM = 0.25  # of the readings are not moved by a touch
+CALM = 0.25  # of the readings are not moved by a touch
 
 
 class Window(NamedTuple):
@@ -46,7 +46,7 @@ class Windows:
         # by what changes from frame to frame: a palm on a small skin moves all readings at once
         chance = np.sqrt(np.square(np.diff(steps, axis=0)).mean(0) / 2.0)
         read = chance[mean > 0.0]  # 0: not read, or below the ADC's range
-        noise = float(np.quantile(read, _CALM)) if read.size else 0.0
+        noise = float(np.quantile(read, CALM)) if read.size else 0.0
         return Window(mean, spread, noise, self._low)
 
 

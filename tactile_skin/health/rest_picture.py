@@ -8,15 +8,19 @@ height a bit of the ADC is stuck: whatever presses changes each cell by its own.
 from __future__ import annotations
 
 import numpy as np
+from scipy.special import gammaincinv
 
 from ..findings.finding import Finding, Kind, Severity
 from ..physics.adc import Adc
-from .check import ABOVE, WINDOW, Check, Seen
+from ..solvers.reading import FEW
+from .check import ABOVE, CALM, WINDOW, Check, Seen
 
 _ALIKE = 3.0  # times that readings at rest are further apart than now, which makes a fault,
 _STILL_ALIKE = 2.0  # and which ends it
-_MANY = 8  # readings at least
-_QUARTILE = 0.77  # of the noise: a quarter of the spreads of 10 readings lie below, Window.noise
+# `Window.noise` over the noise: what changes from one of its frames to the next has twice so many
+# degrees of freedom (von Neumann 1941), and `CALM` of such spreads lie below.
+_FREE = (WINDOW - 1) ** 2 / (3 * WINDOW - 4)
+_OF_NOISE = (gammaincinv(_FREE, CALM) / _FREE) ** 0.5
 
 
 class RestPicture(Check):
@@ -31,11 +35,11 @@ class RestPicture(Check):
         if window is None or seen.rest is None:
             return
         read = window.mean > 0.0
-        if np.count_nonzero(read) < _MANY:
+        if np.count_nonzero(read) < FEW:
             self.found = self._before = None
             return
         now, rest = window.mean[read], self._adc.rising_count(seen.rest)[read]
-        noise = window.noise / _QUARTILE / WINDOW**0.5
+        noise = window.noise / _OF_NOISE / WINDOW**0.5
         found = self._look(now, rest, noise)
         # On a small skin noise may hide in one window how far readings are apart, not in two.
         again = found == self._before or _ALIKE * noise < rest.std()

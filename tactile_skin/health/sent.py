@@ -14,7 +14,6 @@ from ..readings import processed as readings
 from .check import Check, Seen
 
 _KEPT = 64  # frames that are looked at
-_FEWEST = 10  # frames that show which cells move
 _APART = 0.1  # s between them, at least
 _EVERY = 0.5  # s after which it is asked again
 
@@ -53,7 +52,7 @@ class Sent(Check):
         self._kept = t
         steps = np.where(samples == NOT_READ, np.nan, samples / self._scale)
         self._frames = [*self._frames[1 - _KEPT :], np.where(self._cells, steps, np.nan)]
-        if len(self._frames) >= _FEWEST and not 0.0 <= t - self._asked < _EVERY:
+        if len(self._frames) >= readings.SEVERAL and not 0.0 <= t - self._asked < _EVERY:
             self._asked = t
             frames = np.array(self._frames)
             done = readings.processed(frames, self._bits, self._known, self._unresolved)

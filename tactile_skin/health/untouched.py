@@ -10,6 +10,7 @@ multiplexer or leads that were exchanged.
 from __future__ import annotations
 
 import numpy as np
+from scipy.special import ndtri
 
 from ..calibration.at_rest import LINE_FALL
 from ..calibration.rest import resting_conductance
@@ -26,7 +27,7 @@ _TAKE = 0.18  # s that they take, at least
 _AT_ONCE = 0.004
 # Of the cells, or of a line's, may have changed otherwise: a touch has left them behind.
 _SHARE = 0.25
-_QUARTILE = 0.674  # standard deviations that a normal distribution's quartile lies off
+_QUARTILE = -ndtri(_SHARE)  # standard deviations that a normal distribution's quartile lies off
 _EVEN = 0.1  # share of a `LINE_FALL` by which cells may differ that all have lost it: it stops then
 _KEPT = 60.0  # s: by then touches have told another r_par, and a drift has been followed
 _CELLS = 4  # of a line, at least, by which lines are compared

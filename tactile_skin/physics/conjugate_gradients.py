@@ -9,14 +9,15 @@ import numpy as np
 
 from .arrays import Floats
 
+INEXACT = 1e-2  # of its right side that a step of an iteration leaves: the next one has it
+_STEPS = 300  # at most; 20 to 60 are usual
+
 
 def conjugate_gradients(
     product: Callable[[Floats], Floats],
     near: Callable[[Floats], Floats],
     b: Floats,
-    *,
-    steps: int,
-    target: float,
+    target: float = INEXACT,
 ) -> Floats:
     """Solve A x = b, A symmetric and positive definite, until the residual falls by `target`.
 
@@ -24,7 +25,6 @@ def conjugate_gradients(
         product: (n,) -> (n,), A times it.
         near: (n,) -> (n,), about A^-1 times it, the preconditioner; the residual is measured in its
             norm.
-        steps: at most so many products.
     """
     x = np.zeros(b.size)
     residual = b.copy()
@@ -32,7 +32,7 @@ def conjugate_gradients(
     p = z.copy()
     size = residual @ z
     goal = size * target**2
-    for _ in range(steps):
+    for _ in range(_STEPS):
         if size <= goal:
             break
         a_p = product(p)

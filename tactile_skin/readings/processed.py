@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 _FRAMES = 400  # that are looked at, at most
-_AT_ZERO = 0.1  # share of the frames in which a usual cell reads 0, at least
+AT_END = 0.1  # share of the frames in which a usual cell reads 0, or another end, at least
 _GAP = 3.0  # ADC steps above 0 in which no number lies, at least
 _STRAYS = 0.002  # share of the numbers that may lie in the gap
 # Above a threshold numbers set in at once: as many within a quarter of it as in the next one, but
@@ -37,7 +37,7 @@ _BESIDE = 0.9  # of the largest number: where that tenth begins
 _ROUND = 50  # ADC steps: an end that somebody chose is at least so much, a ceiling a multiple
 _EACH = 0.98  # share of the frames that reach both ends, where each was normalised
 _MOVES = 0.95  # share of the frames in which one cell is at an end, at most
-_SEVERAL = 10  # frames, at least, that show it
+SEVERAL = 10  # frames, at least, that show it
 
 
 class Kind(Enum):
@@ -88,7 +88,7 @@ def processed(
     steps = np.asarray(steps, float)[:: -(-len(steps) // _FRAMES)]
     steps = steps.reshape(len(steps), -1)
     live = ~np.isnan(steps).any(0)
-    if len(steps) >= _SEVERAL:
+    if len(steps) >= SEVERAL:
         live[live] = np.ptp(steps[:, live], axis=0) > 0.0
     if not live.any():
         return None
@@ -98,7 +98,7 @@ def processed(
     top, at_zero = float(steps.max()), steps == 0.0
     share = float(at_zero.mean())
     ceiling = _ceiling(steps, adc_bits)
-    if np.median(at_zero.mean(0)) > _AT_ZERO:
+    if np.median(at_zero.mean(0)) > AT_END:
         level = _gap(steps[~at_zero])
         if level is not None:
             known = level <= threshold + _GAP
@@ -162,7 +162,7 @@ def _ceiling(steps: np.ndarray, adc_bits: int) -> float | None:
 def _is_stretched(steps: np.ndarray) -> bool:
     """Whether each frame reaches from 0 to one largest number, in changing cells."""
     top = float(steps.max())
-    if len(steps) < _SEVERAL or top < _ROUND:
+    if len(steps) < SEVERAL or top < _ROUND:
         return False
     ends = steps == 0.0, steps == top
     reached = all(at_end.any(1).mean() >= _EACH for at_end in ends)

@@ -39,9 +39,9 @@ _SEARCHES = 3
 _HIDDEN = 1e-3  # share of a cell's squared pattern below which the others can take it
 # chi^2 a reading, that no other r_par or r_line takes, beyond which a frame is of no use.
 _EXPLAINED = 30.0
-# Share of a reading by which the circuit's model misses a sound skin's beyond the noise (creep,
-# scans in turn).
-_MODEL = 0.0005
+# Share of a reading, and of what a cell conducts, by which the circuit's model misses a sound skin
+# beyond the noise (creep, scans in turn).
+MODEL = 0.0005
 MIN_SCALE = 0.15  # of r_ref: what a board's r_par may be where none is configured
 _MOST_PARTS = 300.0  # ohm, the same whatever r_ref is: two CD4051 have 250 at 5 V, and more below
 _RIDGE = 1e-5  # of the touched cells' precision: the readings may not determine all of them
@@ -185,7 +185,7 @@ class Supposed:
         # by the model: noise must not choose
         cut_off = (expected < width) | (expected > self._end - width)
         reading = replace(reading, known=reading.known & ~cut_off)
-        std = np.sqrt(noise**2 + np.square(_MODEL * reading.steps))
+        std = np.sqrt(noise**2 + np.square(MODEL * reading.steps))
         hardest = 1.0 / (HARDEST * circuit.r_ref)  # S
         most = _FULL * np.count_nonzero((reading.known | reading.capped) & circuit.populated)
 

@@ -17,15 +17,14 @@ from .suspect import estimate_from_force
 
 MAX_STEPS = 60
 START_STEPS = 10  # by which other methods begin: a step costs a sixth of one of theirs, or less
-# Share of the supply by which a closed form may miss a driven line: a quarter of a step of 10 bits.
-_FAST = 2.5e-4
-_TARGET = 0.25  # ADC steps RMS at which to stop: below rounding to whole steps
+# ADC steps RMS at which to stop, or by which a closed form may miss a driven line: below rounding.
+_TARGET = 0.25
 
 
 def fixed_point(reading: Reading) -> Estimate:
     """Iterate the fixed point until the reading is met to the ADC's rounding."""
     reading.need_all_cells("fixed_point")
-    if (found := closed_form(reading, _FAST)) is not None:
+    if (found := closed_form(reading, _TARGET / reading.circuit.full_scale)) is not None:
         g, iterations, _ = found
     else:
         g, iterations = iterate(reading, first_guess(reading), MAX_STEPS, _TARGET)

@@ -24,7 +24,7 @@ from .aside import without_bad_contacts
 from .estimate import Estimate, spread
 from .fixed_point import START_STEPS, fill, first_guess, iterate, last_guess
 from .prior import NormalEquations, Point
-from .reading import NEAR_REST, OUTLIER, ROUNDING_NOISE, Reading, noise_at_rest
+from .reading import NEAR_REST, OUTLIER, ROUNDING_NOISE, SCAN_NOISE, Reading, noise_at_rest
 
 MAX_STEPS = 12  # of Gauss-Newton; bounds the time of readings that no circuit explains
 _NEAR = 1.2  # residual over noise at which the fixed point has done its part
@@ -34,17 +34,14 @@ _ALONE = 1.5  # the same that one cell alone may gain then, where a fit did not 
 _JOIN_CHI2 = 6.0
 _JOIN_SHARE = 0.1  # of the best cell's gain, that it must gain as well
 _MOST_JOIN = 40  # cells that join in one step: of more, most would be found at rest again
-_MEMORY = 4  # last costs, of which a step must not exceed the largest: a bound met costs at first
 _DENSE = 600  # unknowns up to which a Cholesky factor is faster than conjugate gradients
-_CG_STEPS = 100
+_MEMORY = 4  # last costs, of which a step must not exceed the largest: a bound met costs at first
 _UNCHANGED = 2.2  # standard deviations of chi^2 up to which a frame is that of the same load
 _WIDEN = 1.2  # what the measured coverage requires; not of loads on all cells
 # Noise that is measured in the frame (docs/derivation.md).
 _MAX_FITS = 6  # that may be made
-_AGREE = 1.15  # factor within which two agree
-_LOUD = 2.0  # times the usual noise: a fit that did not know of it is no start for another
-_USUAL_NOISE = 0.6  # ADC steps that boards usually have,
-_USUAL_COUNT = 3.0  # which counts as so many readings
+_LOUD = 2.0  # times `SCAN_NOISE`: a fit that did not know of it is no start for another
+_USUAL_COUNT = 3.0  # readings, as which `SCAN_NOISE`, that boards usually have, counts
 
 
 def map_estimate(reading: Reading, start: Estimate | None = None) -> Estimate:
@@ -115,10 +112,10 @@ def _fit(
     if converged and not reading.late():
         again, g = reading, point.model.g
         if not reading.noise_given and fits:
-            noise = _noise_left(reading, point, step)
-            if not 1.0 / _AGREE < noise / reading.noise < _AGREE:
+            noise, close = _noise_left(reading, point, step), suspect.MEASURED_NOISE
+            if not 1.0 / close < noise / reading.noise < close:
                 again = reading.with_noise(noise)
-            if broad or again.noise > _LOUD * _USUAL_NOISE:
+            if broad or again.noise > _LOUD * SCAN_NOISE:
                 g = begin
         if again.noise != reading.noise:
             found = _fit(again, g, warm, max(fits - 1, 0), level)
@@ -217,7 +214,7 @@ def _with_noise_at_rest(reading: Reading, g: np.ndarray) -> Reading:
     at_rest = reading.known & reading.circuit.populated & (g < NEAR_REST * low)
     adc = reading.model(np.where(at_rest, low, g))
     noise = noise_at_rest(reading.misfit(adc)[at_rest])
-    return reading.with_noise(_USUAL_NOISE if noise is None else noise)
+    return reading.with_noise(SCAN_NOISE if noise is None else noise)
 
 
 def _noise_left(reading: Reading, point: Point, step: _Step) -> float:
@@ -230,7 +227,7 @@ def _noise_left(reading: Reading, point: Point, step: _Step) -> float:
     left = reading.n_informative - absorbed
     misfit = suspect.beside_sums(reading, point.model.misfit)
     square = np.minimum(np.square(misfit), OUTLIER**2).sum() * reading.fitted_noise**2
-    usual = _USUAL_COUNT * _USUAL_NOISE**2
+    usual = _USUAL_COUNT * SCAN_NOISE**2
     return float(((square + usual) / (left + _USUAL_COUNT)) ** 0.5)
 
 
@@ -244,7 +241,7 @@ class _Step(NamedTuple):
 
 def _gauss_newton(reading: Reading, point: Point) -> _Step:
     low, high = reading.bounds
-    g, gx, circuit = point.model.g, point.gx, reading.circuit
+    g, circuit = point.model.g, reading.circuit
     # A cell at rest joins if it alone would gain enough, compared with the best: a touch that moved
     # leaves misfit along its lines in cells that the next step finds at rest.
     slope, alone = point.slope, point.alone
@@ -258,17 +255,14 @@ def _gauss_newton(reading: Reading, point: Point) -> _Step:
     (free,) = moves.ravel().nonzero()
     if not free.size:
         return _Step(free, np.zeros(0), 0.0)
-    b = slope.flat[free]
+    b, between = slope.flat[free], prior_terms.differences(circuit)
     if free.size > _DENSE:
-        dx = _conjugate_gradients(point, prior_terms.differences(circuit), free, b)
+        dx = _conjugate_gradients(point, between, free, b)
         solved = bool(np.isfinite(dx).all())
         return _Step(free, dx, 0.5 * b @ dx, solved=solved)
-    between = prior_terms.differences(circuit)
     information = prior_terms.information(point.jacobian(free))
     precision = prior_terms.precision(information, point.prior, between, free)
-    here = g.ravel()[free]
-    ends = ((bound.ravel()[free] - here) / gx.ravel()[free] for bound in (low, high))
-    dx, factor, inside = solve_in_box(precision, b, *ends)
+    dx, factor, inside = solve_in_box(precision, b, *point.ends(free))
     # The factor of a matrix with overflows is unusable, though LAPACK may return one.
     if factor is None or not np.isfinite(precision.diagonal()).all() or not np.isfinite(dx).all():
         return _Step(free, dx, 0.0, solved=False)
@@ -287,22 +281,16 @@ def _conjugate_gradients(point: Point, between, free: np.ndarray, b: np.ndarray)
         data = point.gx * network.pull(square * network.change(point.gx * picture))
         return (data + prior_terms.product(point.prior, picture, between)).ravel()[free]
 
-    return conjugate_gradients(product, lambda r: r / diagonal, b, steps=_CG_STEPS, target=1e-2)
+    return conjugate_gradients(product, lambda r: r / diagonal, b)
 
 
 def _descend(reading: Reading, point: Point, step: _Step, broad: bool, ceiling) -> Point:
     """Take the step, or as much of it as stays below `ceiling`; the old point if none does."""
     if not step.free.size:
         return point
-    low, high = (bound.ravel()[step.free] for bound in reading.bounds)
     dx = step.dx
     for _ in range(6):
-        # in g: the readings are closer to linear in g than in log g
-        change = np.minimum(np.maximum(dx, -0.9), 3.0) * point.gx.ravel()[step.free]
-        g = point.model.g.copy()
-        flat = g.reshape(-1)
-        flat[step.free] = np.minimum(np.maximum(flat[step.free] + change, low), high)
-        new = Point(reading, g, broad)
+        new = Point(reading, point.stepped(step.free, dx), broad)
         if new.cost <= ceiling:
             return new
         dx = 0.4 * dx

@@ -17,7 +17,6 @@ import numpy as np
 from scipy.linalg import lapack
 
 from ..physics import laplacian, readouts
-from ..physics.conjugate_gradients import conjugate_gradients
 from ..physics.readouts import BOUND
 from .estimate import Estimate
 from .fixed_point import START_STEPS, closed_form, first_guess, iterate, last_guess
@@ -25,24 +24,23 @@ from .reading import Reading
 from .suspect import estimate_from_force
 
 MAX_STEPS = 40  # 5 is usual; bounds the time of readings that no circuit explains
-# Share of the supply by which a closed form may miss the voltage of a driven line: so little that
-# no cell is off by 1e-3 g.
-_EXACT = 1e-9
+# Share of the supply by which exact readings differ, and a closed form may miss the voltage of a
+# driven line: so little that no cell is off by 1e-3 g.
+EXACT = 1e-9
 _DONE = 1e-7  # relative step of g; a thousandth of a gram is 6e-7 at full load
 _DONE_NOISY = 1e-4  # the same of a noisy reading: the step itself leaves a twentieth of it
 _ROUNDS = 2  # in which the unknowns of a step are found
 # Times its noise by which a valid reading is missed: where a bound acts, this is the best fit in
 # another measure than ADC steps. 2 in 1,000 exceed 2, 1 in 10,000 exceeds 2.5.
 _SLACK = 2.2
-_INEXACT = 1e-2  # of its right side that a step without the matrix leaves: the next one has it
-_PAST = 0.1  # of its slope at the begin of a step, that phi may fall with at the end
 _DENSE = 400  # unknowns up to which a Cholesky factor is faster than conjugate gradients
+_PAST = 0.1  # of its slope at the begin of a step, that phi may fall with at the end
 
 
 def newton(reading: Reading, start: Estimate | None = None) -> Estimate:
     """Projected Newton from `start`, or from a few steps of the fixed point."""
     reading.need_all_cells("newton")
-    if (found := closed_form(reading, _EXACT)) is not None:
+    if (found := closed_form(reading, EXACT)) is not None:
         (g, steps, done), iterations = found, 0
         if steps and not reading.noise:  # of an exact reading the last digits
             g, iterations, done = maximise(reading, g)
@@ -173,7 +171,7 @@ def _step_solver(reading: Reading, network, g: np.ndarray, free: np.ndarray):
     network = network.inverse
     scale = np.sqrt(g.flat[free]).astype(np.float32)
     if free.size > _DENSE:
-        return _matrix_free_solver(network, g, free)
+        return laplacian.hessian_solver(network, g, free)
     v = laplacian.crossing_factor(network)[free]
     v *= np.sqrt(scale)[:, None]
     squared = np.square(v @ v.T)
@@ -196,15 +194,3 @@ def _unsymmetric_solver(reading: Reading, network, g: np.ndarray, free: np.ndarr
     factor, pivots, _ = lapack.sgetrf(matrix.T, overwrite_a=True)  # of the transposed
     rho = rho.flat[free]
     return lambda b: g.flat[free] * lapack.sgetrs(factor, pivots, b / rho, trans=1)[0]
-
-
-def _matrix_free_solver(network: laplacian.Network, g: np.ndarray, free: np.ndarray):
-    """Return the same without the matrix: a product costs O(lines^3)."""
-    picture = np.zeros(g.shape)
-
-    def product(p):
-        picture.flat[free] = p
-        return laplacian.hessian_product(network.k, picture).flat[free]
-
-    near = laplacian.near_hessian(network.rho, g, free)
-    return lambda b: conjugate_gradients(product, near, b, steps=300, target=_INEXACT)

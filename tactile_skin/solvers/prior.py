@@ -16,6 +16,7 @@ from ..learning import denoiser
 from ..physics import compiled, quadratic
 from ..physics.quadratic import inverse, solve_in_box
 from .reading import Reading
+from .suspect import CHI2_LIMIT
 
 # Chosen on bodies of many sizes and textures (benchmarks/accuracy/prior.py).
 _SPREAD = 0.3  # of x, and of its differences between neighbours, below which they are drawn to 0
@@ -24,11 +25,10 @@ _BROAD = 0.1  # share of the cells at rest below which the whole skin is loaded
 # have less than 0.45, loads that are independent in each cell more than 0.6, by first guesses of
 # scans of 8x8 and 16x16 cells of all readouts (seed 555).
 _ALIKE = 0.55
-# The last step, `with_neighbours`.
-_STEPS = 3  # at most; one nearly always
-_RISE = 3.0  # standard deviations by which chi^2 may rise: more is the step's curvature
 _MOST_FALL = -0.9  # of a cell's conductance, by which a step may change it
 _MOST_RISE = 3.0  # the same
+# The last step, `with_neighbours`.
+_STEPS = 3  # at most; one nearly always
 
 
 class Differences:
@@ -158,7 +158,7 @@ class Point:
     def __init__(self, reading: Reading, g: np.ndarray, broad: bool):
         self.model = reading.linearised(g, reading.fitted_noise)
         self.gx, self.x = pressed(reading, g)
-        self._circuit = reading.circuit
+        self._circuit, self._bounds = reading.circuit, reading.bounds
         if broad:
             self.prior = level(*force_of(reading, g), reading.circuit.populated)
         else:
@@ -190,6 +190,24 @@ class Point:
         jacobian = model.jacobian(readings, cells)
         jacobian *= self.gx.ravel()[cells].astype(np.float32)
         return jacobian
+
+    def stepped(self, cells: np.ndarray, dx: np.ndarray) -> np.ndarray:
+        """(rows, cols) g [S] after a step dx of the x of flat cells (n,), within their bounds.
+
+        It is taken in g: the readings are closer to linear in g than in log g.
+        """
+        change = np.minimum(np.maximum(dx, _MOST_FALL), _MOST_RISE) * self.gx.ravel()[cells]
+        low, high = (bound.ravel()[cells] for bound in self._bounds)
+        g = self.model.g.copy()
+        flat = g.reshape(-1)
+        flat[cells] = np.minimum(np.maximum(flat[cells] + change, low), high)
+        return g
+
+    def ends(self, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the steps of x (n,) that lead flat cells to their bounds."""
+        here, gx = self.model.g.ravel()[cells], self.gx.ravel()[cells]
+        low, high = ((bound.ravel()[cells] - here) / gx for bound in self._bounds)
+        return low, high
 
     @cached_property
     def slope(self) -> np.ndarray:
@@ -291,21 +309,17 @@ def with_neighbours(
     unknown.flat[free] = True
     data = equations.information
     mean, std = denoiser.shipped()(point.x, std_x, point.own, unknown, cells)
-    limit = np.square(point.model.misfit).sum() + _RISE * (2.0 * reading.n_informative) ** 0.5
-    low, high = (bound.ravel()[free] for bound in reading.bounds)
+    # what chi^2 rises by beyond chance is the step's curvature
+    beyond = CHI2_LIMIT * (2.0 * reading.n_informative) ** 0.5
+    limit = np.square(point.model.misfit).sum() + beyond
     for _ in range(_STEPS):
         terms = known(point.x, 1.0, mean, std, unknown)
         b = (point.pull - terms.gradient).ravel()[free]
-        here, change = point.model.g.ravel()[free], point.gx.ravel()[free]
-        ends = ((bound - here) / change for bound in (low, high))
         matrix = precision(data, terms, None, free)
-        dx, factor, inside = solve_in_box(matrix, b, *ends)
+        dx, factor, inside = solve_in_box(matrix, b, *point.ends(free))
         if factor is None or not np.isfinite(dx).all():
             return None
-        # in g: the readings are closer to linear in g than in log g
-        g = point.model.g.copy()
-        dx = np.minimum(np.maximum(dx, _MOST_FALL), _MOST_RISE)
-        g.flat[free] = np.minimum(np.maximum(here + dx * change, low), high)
+        g = point.stepped(free, dx)
         adc = reading.model(g)
         if np.square(reading.misfit(adc) / reading.fitted_noise).sum() <= limit:
             std_x = std_x.copy()

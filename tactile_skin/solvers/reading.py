@@ -9,6 +9,7 @@ from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import ndtri
 
 from ..files import shorten
 from ..physics import readouts
@@ -23,14 +24,11 @@ ROUNDING_NOISE = 12**-0.5  # ADC steps RMS of rounding to whole steps
 # Share of the smallest magnitudes that a standard deviation is estimated from. A median would jump
 # with the steps of an ADC.
 _KEPT = 0.8
-_STD_OVER_MEAN = 1.790  # standard deviation over the mean of these, for a normal distribution
+# standard deviation over the mean of these, for a normal distribution
+_STD_OVER_MEAN = _KEPT * (np.pi / 2) ** 0.5 / -np.expm1(-0.5 * ndtri(0.5 + 0.5 * _KEPT) ** 2)
 # ADC steps below which noise of single scans is cut off at 0, so that their mean is too high.
 _CUT_OFF = 2.0
-# Standard deviations below a threshold from which on a capped reading contradicts the model. Those
-# just above the threshold are the ones that noise raised: so what both say balances, over readings
-# of all sizes.
-_BELOW = 1.0
-_MIN_AT_REST = 8  # readings of cells at rest that noise is measured by: it is then right to 25 %
+FEW = 8  # readings that a spread is measured by at least: it is then right to 25 %
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,11 +145,14 @@ class Reading:
         misfit = (self.adc - adc) * full_scale
         if not self.all_read:
             misfit *= self.known
+        # A capped reading contradicts the model from one standard deviation below the threshold on.
+        # Those just above it are the ones that noise raised: so what both say balances, over
+        # readings of all sizes.
         if self.threshold:
-            over = np.minimum((self.threshold - adc) * full_scale - _BELOW * self.noise, 0.0)
+            over = np.minimum((self.threshold - adc) * full_scale - self.noise, 0.0)
             misfit = np.where(self.capped, over, misfit)
         if not self.all_read and self.topped.any():
-            under = np.maximum((self.adc - adc) * full_scale + _BELOW * self.noise, 0.0)
+            under = np.maximum((self.adc - adc) * full_scale + self.noise, 0.0)
             misfit = np.where(self.topped, under, misfit)
         return misfit
 
@@ -322,13 +323,24 @@ def noise_at_rest(misfit: np.ndarray) -> float | None:
         None: there are too few.
     """
     below = -misfit[misfit < 0.0]
-    return robust_std(below) if below.size >= _MIN_AT_REST else None
+    return robust_std(below) if below.size >= FEW else None
 
 
 def robust_std(magnitudes: np.ndarray) -> float:
     """Return the std of normal values by their magnitudes; a fifth may be outliers."""
     kept = max(1, round(_KEPT * magnitudes.size))
     return _STD_OVER_MEAN * float(np.partition(magnitudes.ravel(), kept - 1)[:kept].mean())
+
+
+def rounding_left(steps: np.ndarray) -> float:
+    """RMS error that rounding leaves of mean readings [ADC steps]; NaN: not read.
+
+    Readings that noise does not move keep what rounding cut off: their means have no fraction. By
+    noise of half a step and more the means of readings of all sizes take all fractions alike,
+    and what is left of rounding is noise (dither; Widrow and Kollar, Quantization Noise, 2008).
+    """
+    lost = 1.0 - np.nanmean(np.square(steps - np.rint(steps))) / ROUNDING_NOISE**2
+    return float(ROUNDING_NOISE * max(lost, 0.0))
 
 
 @lru_cache(maxsize=16)

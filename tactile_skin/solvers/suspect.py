@@ -14,7 +14,7 @@ from .reading import ROUNDING_NOISE, Reading, rest_reading
 
 # Standard deviations of chi^2 beyond which a frame is suspect: chosen so that 2 % of valid frames
 # (blobs, rects, random loads) are; scored on others (benchmarks/accuracy/solvers.py, detection).
-_CHI2_LIMIT = 2.8
+CHI2_LIMIT = 2.8
 # Equal readings that are rounded to whole steps err equally, and do not average out: factor by
 # which a residual may then be larger.
 _ROUNDED_RESIDUAL = 1.2
@@ -23,7 +23,7 @@ _ROUNDED_NOISE = 1.3  # times the noise of rounding up to which noise is roundin
 # and cover carry to the next cells (paper section IV), some ohm of the stripes, rows read in turn.
 # Chosen on streams of damaged boards (benchmarks.faults, seeds 3 and 4), scored on others.
 MODEL_ERROR = 0.003
-_MEASURED_NOISE = 1.1  # times noise that was measured in the same frame, and is not exact
+MEASURED_NOISE = 1.1  # factor to which noise that was measured in the same frame is known
 _MEAN_LIMIT = 6.0  # standard deviations of the mean misfit, where the noise was measured
 BEYOND = 5.0  # standard deviations of noise: once in 3 million readings
 BELOW_REST = 0.5  # times the reading at rest, below which no sound cell reads
@@ -132,11 +132,11 @@ def by_residual(
     misfit = reading.misfit(adc)
     n = max(reading.n_informative, 1)
     noise = slack * max(reading.noise, floor) * (_ROUNDED_RESIDUAL if rounded(reading) else 1.0)
-    noise *= 1.0 if reading.noise_given else _MEASURED_NOISE
+    noise *= 1.0 if reading.noise_given else MEASURED_NOISE
     square = np.square(misfit)
     variance = noise**2 + model_variance(reading)
     chi2 = (square / variance).sum() / n
-    if chi2 <= 1.0 + _CHI2_LIMIT * (2.0 / n) ** 0.5:
+    if chi2 <= 1.0 + CHI2_LIMIT * (2.0 / n) ** 0.5:
         if reading.noise_given or abs(misfit.sum()) <= _MEAN_LIMIT * np.sqrt(variance.sum()):
             return None
         return Finding(Kind.MISFIT, "mean", numbers={"steps": misfit.sum() / n})

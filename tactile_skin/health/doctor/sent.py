@@ -8,14 +8,12 @@ import numpy as np
 from ...calibration.rest import NOISY
 from ...calibration.touched import MOVED
 from ...findings.finding import Finding, Kind
+from ...readings.processed import AT_END
 from ...readings.processed import Kind as Done
 from ...readings.processed import processed as processing
 from .recorded import Recorded
 
 _MOST_NOISE = 0.01  # of full scale: what moves more is no noise
-# Share of the usual cell's readings that stand at one end of the range, from which on they are not
-# what the ADC reads. Sound boards have no such usual cell.
-_AT_END = 0.1
 DECIMALS = 2  # of ADC steps, which ratios of single precision keep
 
 
@@ -36,7 +34,7 @@ def at_an_end(seen: Recorded) -> Finding | None:
     steps = np.rint(seen.steps[:, seen.cells])
     for end in (0.0, float(seen.circuit.full_scale)):
         at_end = steps == end
-        if np.median(at_end.mean(0)) > _AT_END:
+        if np.median(at_end.mean(0)) > AT_END:
             numbers = {"share": float(at_end.mean()), "steps": end}
             return Finding(Kind.ZEROS, "at an end", numbers=numbers)
     return None

@@ -12,13 +12,11 @@ import numpy as np
 
 from .. import laplacian, lines
 from ..arrays import Floats, Floats32, Ints
-from ..conjugate_gradients import conjugate_gradients
 from .readout import Pair, Readout, blank
 
 if TYPE_CHECKING:
     from ..circuit import Circuit
 
-_STEPS = 300  # of conjugate gradients at most; 20 to 60 are usual
 _TARGET = 1e-6  # share of the right side that they leave: single precision
 
 
@@ -87,14 +85,8 @@ class Floating(Readout):
     def _solve(self, cells: Ints, b: Floats) -> Floats:
         """t_ab^2 x_b = b_a, without the matrix."""
         picture = np.zeros(self.adc.shape)
-
-        def product(p: Floats) -> Floats:
-            picture.flat[cells] = p
-            return laplacian.hessian_product(self.inverse.k, picture).flat[cells]
-
-        near = laplacian.near_hessian(self.rho, self._g, cells)
-        x = conjugate_gradients(product, near, b.flat[cells], steps=_STEPS, target=_TARGET)
-        picture.flat[cells] = x
+        solve = laplacian.hessian_solver(self.inverse, self._g, cells, _TARGET)
+        picture.flat[cells] = solve(b.flat[cells])
         return picture
 
     @classmethod
