@@ -15,7 +15,6 @@ from scipy.special import gammainccinv, gammaincinv
 
 from ..findings.finding import Finding, Kind, Severity, largest, lines
 from ..physics.circuit import Circuit, forward
-from ..solvers.reading import ROUNDING_NOISE, rounding_left
 from .rest import UNLIKE, usual_resistance
 
 # RMS by which readings of one voltage differ at most: as channels may [ADC steps]; by chance, once
@@ -34,7 +33,8 @@ LINE_FALL = 0.05  # the least that may hide a push
 _MOST_DEVIATIONS = 6.0
 _ALIKE = 0.1  # squared difference over the usual one, at most
 _NOISE = 3.0  # times what noise explains of a squared difference
-_ROUNDED = 0.7  # of rounding's error, of which no more may be left: many would read alike
+_NEAR_WHOLE = 0.01  # ADC steps off a whole one,
+_WHOLE = 0.3  # and share of readings that may be so near to it
 
 
 def equal_lines(steps: np.ndarray, noise: float, cells: np.ndarray) -> list[tuple[int, int, int]]:
@@ -45,8 +45,8 @@ def equal_lines(steps: np.ndarray, noise: float, cells: np.ndarray) -> list[tupl
         noise: RMS of each [ADC steps].
         cells: (rows, cols) bool, those that exist.
     """
-    if not cells.any() or rounding_left(steps[cells]) > _ROUNDED * ROUNDING_NOISE:
-        return []  # many read alike
+    if not cells.any() or np.mean(np.abs(steps - np.rint(steps))[cells] < _NEAR_WHOLE) > _WHOLE:
+        return []  # rounded without noise that would average it away: many read alike
     found, by_noise = [], 2.0 * noise**2
     for axis, values, there in ((0, steps, cells), (1, steps.T, cells.T)):
         one, other = np.triu_indices(len(values), 1)
