@@ -32,6 +32,7 @@ from ..msg import (
     cloud_columns,
 )
 from ..parameters.nodes import StopOnPush as Parameters
+from ..physics.curve import PressureCurve
 from . import QUEUE, diagnostics, now, seconds
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -154,6 +155,7 @@ class StopOnPush:
         self._header = Header()
         self._force = self._most = 0.0
         self._simulated = False  # the driver says that its board is
+        self._supposed = self._curve == PressureCurve()  # what the newtons are is yet to be said
         node.on_set_parameters(self.on_parameters)
         node.create_subscription(PointCloud2, "skin/contacts", self.on_contacts, QUEUE)
         node.create_subscription(DiagnosticArray, diagnostics.TOPIC, self.on_diagnostics, 50)
@@ -215,9 +217,20 @@ class StopOnPush:
                 self._learn(status.name, values)
                 if simulated := values.get(diagnostics.SIMULATED):
                     self._simulated = simulated == "true"
+                    self._warn_of_curve(values.get("frames", "0") != "0")
         decision = self.policy.decide(now(self.node))
         if decision != self._decisions.last:  # a fault need not wait for the timer
             self._publish(decision)
+
+    def _warn_of_curve(self, read: bool) -> None:
+        if read and self._supposed and not self._simulated:
+            self._supposed = False
+            self.node.get_logger().warning(
+                "forces are those of the shipped curve, the paper's fabric: on another they may be "
+                "a third of the true ones, and threshold = %g N comes late or never. Run "
+                "tactile-skin calibrate before this skin stops a robot",
+                self.policy.config.threshold,
+            )
 
     def _learn(self, source: str, values: dict[str, str]) -> None:
         with contextlib.suppress(KeyError, ValueError, TypeError):  # of a stage that says nothing

@@ -26,6 +26,7 @@ from tactile_skin.msg import (
     DiagnosticStatus,
     Header,
     Image,
+    KeyValue,
     PointCloud2,
     PointStamped,
     PolygonStamped,
@@ -596,3 +597,18 @@ def test_a_skin_too_small_to_tell_all_faults_warns(caplog, rows, warns):
     overrides = [Parameter("circuit.rows", rows), Parameter("circuit.cols", 8)]
     Compensation(Node("compensation", context=Context(), parameter_overrides=overrides))
     assert ("Smallest skin" in caplog.text) is warns
+
+
+@pytest.mark.parametrize(
+    ("simulated", "given", "warns"),
+    [("false", {}, True), ("true", {}, False), ("false", {"curve.force": [0.0, 1.0, 9.0]}, False)],
+)
+def test_newtons_of_the_shipped_curve_are_no_mats_own(caplog, simulated, given, warns):
+    given = given and given | {"curve.resistance": [30000.0, 2000.0, 100.0]} | {"peak": 8.0}
+    overrides = [Parameter(name, value) for name, value in given.items()]
+    stop = StopOnPush(Node("stop_on_push", context=Context(), parameter_overrides=overrides))
+    for frames, of_model in (("0", "false"), ("7", simulated)):  # at first the port is not open
+        values = [KeyValue("frames", frames), KeyValue("simulated", of_model)]
+        status = DiagnosticStatus(0, "driver", "ok", "", values)
+        stop.on_diagnostics(DiagnosticArray(Header(), [status]))
+    assert caplog.text.count("tactile-skin calibrate") == warns
