@@ -83,21 +83,25 @@ class Grounded(Driven):
 
         While line i is driven the sense lines' voltages V_ij are measured, and those of the driven
         lines follow from them and g: W_ik = (S [i = k] + sum_j g_kj V_ij) / (S + sum_j g_kj), with
-        S = 1 / r_drive. V is linear in W, and W^-1 V is what ideal drivers would leave of it.
+        S = 1 / r_drive. V is linear in W, and W^-1 V is what ideal drivers would leave of it. Where
+        there is no cell and nothing was read, V is what W makes of the cells.
         """
         if circuit.has_ideal_drivers:
             return _by_ideal_drivers(circuit, adc, bounds), 0, True
         turned, total = circuit.driven == "columns", (circuit.r_ref + circuit.r_par) / circuit.r_ref
         v = total * (adc.T if turned else adc)
+        unread = (v == 0.0) & ~(circuit.populated.T if turned else circuit.populated)
         held = np.eye(len(v)) / circuit.r_drive  # S
         w = held * circuit.r_drive
         least, at, best = np.inf, 0, w
         for step in range(1, _STEPS + 1):
-            shown = np.minimum(np.linalg.solve(w, v) / total, 1.0)
+            ideal = np.linalg.solve(w, v)
+            shown = np.minimum(ideal / total, 1.0)
             g = _by_ideal_drivers(circuit, shown.T if turned else shown, bounds)
             cells = g.T if turned else g
             new = (held + v @ cells.T) / (1.0 / circuit.r_drive + cells.sum(1))
             moved, w = np.abs(new - w).max(), new
+            v = np.where(unread, w @ (ideal * (cells > 0.0)), v)
             if moved < least:
                 least, at, best = moved, step, g
             if moved < target or step - at > _PATIENCE or late():
