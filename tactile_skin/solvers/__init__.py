@@ -28,7 +28,7 @@ from .map import map_estimate
 from .naive import naive
 from .newton import newton
 from .reading import Reading, check_reading
-from .suspect import EXACT_NOISE
+from .suspect import EXACT_NOISE, no_convergence
 
 METHODS = {
     "naive": naive,
@@ -48,6 +48,7 @@ _LEAST_SHARE = 0.1  # of a change, that is taken,
 _MOST_SHARE = 2.0  # and at most
 _ROUNDS = 20  # fits at most
 _CLOSE = 0.3  # standard deviations by which what the stripes add may still change
+_EXACT = 1e-6  # ADC steps by which it may then still change of exact readings, if rounds are left
 
 __all__ = ["METHODS", "Estimate", "check_reading", "compensate"]
 
@@ -147,7 +148,7 @@ def _one(reading: Reading, method: str, given: dict) -> Estimate:
         estimate = solve(behind, **given)
         now = lines.added(last_guess(ideal, estimate), stripes, exact)
         change = np.abs(behind.adc - ideal.behind(now).adc).max() * ideal.circuit.full_scale
-        if change <= close or reading.late():
+        if change <= (_EXACT if exact else close) or reading.late():
             break
         off = now - added
         if last is not None:  # Aitken: cells that their readings hardly determine swing
@@ -156,4 +157,7 @@ def _one(reading: Reading, method: str, given: dict) -> Estimate:
                 -share * (last * turn).sum() / np.square(turn).sum(), _LEAST_SHARE, _MOST_SHARE
             )
         added, last = np.maximum(added + share * off, 0.0), off
+    if change > close and estimate.status == "ok":
+        why = no_convergence(reading, int(estimate.iterations))
+        estimate = replace(estimate, status="failed", message=why)
     return estimate

@@ -25,12 +25,14 @@ def fixed_point(reading: Reading) -> Estimate:
     """Iterate the fixed point until the reading is met to the ADC's rounding."""
     reading.need_all_cells("fixed_point")
     if (found := closed_form(reading, _TARGET / reading.circuit.full_scale)) is not None:
-        g, iterations, _ = found
+        g, iterations, done = found
     else:
         g, iterations = iterate(reading, first_guess(reading), MAX_STEPS, _TARGET)
+        done = iterations == MAX_STEPS
+    cut_off = not done and reading.late() and reading.residual(reading.model(g)) > _TARGET
     with np.errstate(divide="ignore"):
         force = reading.curve.force(1.0 / g) * reading.circuit.populated
-    return estimate_from_force(force, reading, "fixed_point", iterations)
+    return estimate_from_force(force, reading, "fixed_point", iterations, converged=not cut_off)
 
 
 def first_guess(reading: Reading) -> np.ndarray:

@@ -47,12 +47,31 @@ def test_it_finds_the_cells(shape, driven, r_drive):
     np.testing.assert_allclose(found, g, rtol=1e-6)
 
 
-def test_cells_that_are_not_there_conduct_nothing():
+@pytest.mark.parametrize("driven", ["rows", "columns"])
+@pytest.mark.parametrize("read", [True, False])
+def test_cells_that_are_not_there_conduct_nothing(driven, read):
+    """Whether the board reads their crossings or not."""
     mask = np.ones((6, 9), bool)
     mask[0, :3] = mask[4, 4] = False
-    circuit, g, adc = board((6, 9), "rows", 25.0, 4, mask)
+    circuit, g, adc = board((6, 9), driven, 25.0, 4, mask)
+    adc = adc if read else adc * mask
     found, _, _ = closed_form(circuit, adc, np.full((6, 9), 1e-6), np.full((6, 9), 1e-2))
     np.testing.assert_allclose(found, g, rtol=1e-6, atol=1e-12)
+
+
+@pytest.mark.parametrize("driven", ["rows", "columns"])
+def test_readings_without_a_cell_decide_between_a_light_load_and_a_hard_one(driven):
+    """A load of a tenth gives the same readings to all cells, and others where there is none."""
+    shape = (8, 8)
+    mask = np.random.default_rng(2).random(shape) < 0.75
+    behind = {"readout": "grounded", "driven": driven, "r_drive": 57.0, "mask": mask}
+    circuit = Circuit(*shape, r_ref=3070.0, r_par=1.0, **behind)
+    g = np.where(mask, 1.0 / 150.0, 0.0)
+    adc = nodal_reading(np.where(mask, 150.0, np.inf), circuit)
+    adc = np.round(adc * 32767) / 32767
+    found, _, converged = closed_form(circuit, adc, np.full(shape, 2.5e-5), np.full(shape, 1e-1))
+    assert converged
+    np.testing.assert_allclose(found, g, rtol=0.03)
 
 
 def test_drivers_that_are_taken_for_ideal_hide_a_touch():

@@ -153,3 +153,18 @@ def test_newton_believes_hard_loads_on_a_grounded_matrix(kind, family):
     found = compensate(adc, circuit, CURVE, "newton", noise=SCAN_NOISE)
     assert (found.status == "ok").all()
     assert found.residual.max() < 2.0 * SCAN_NOISE
+
+
+@pytest.mark.parametrize("method", ["fixed_point", "newton", "map"])
+@pytest.mark.parametrize("kind", HELD, ids="-".join)
+def test_a_palm_on_a_matrix_of_another_shape_is_felt_in_full(kind, method):
+    """Crossings without a cell read what the drivers let other lines leave."""
+    rng = np.random.default_rng(5)
+    for _ in range(8):
+        circuit = skin(kind, mask=rng.random((8, 10)) < 0.8)
+        force = rng.uniform(1.5, 2.5, circuit.shape) * circuit.populated
+        adc = forward(circuit, CURVE.resistance(force))
+        adc = np.round(adc * 1023 + rng.normal(0.0, 0.4, adc.shape)).clip(0, 1023) / 1023
+        found = compensate(adc, circuit, CURVE, method, noise=SCAN_NOISE)
+        assert found.status == "ok"
+        assert found.force.sum() == pytest.approx(force.sum(), rel=0.12)

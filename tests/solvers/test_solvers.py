@@ -181,3 +181,13 @@ def test_rounding_alone_makes_few_sound_frames_suspect(bits):
     adc = np.rint(forward(board, CURVE.resistance(force)) * board.full_scale) / board.full_scale
     suspect = [compensate(frame, board, CURVE, "map").status == "suspect" for frame in adc]
     assert np.mean(suspect) < 0.1
+
+
+@pytest.mark.parametrize("method", ["fixed_point", "newton", "map"])
+def test_a_frame_that_the_time_limit_cuts_off_has_failed(method):
+    adc = reading(one_touch())
+    late = compensate(adc, CIRCUIT, CURVE, method, time_limit=1e-9)
+    assert late.status == "failed" and "time_limit" in late.message
+    closed = Circuit(readout="grounded"), CURVE  # takes no iteration
+    adc = forward(closed[0], CURVE.resistance(one_touch()))
+    assert compensate(adc, *closed, "fixed_point", time_limit=1e-9).status == "ok"

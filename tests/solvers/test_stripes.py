@@ -8,6 +8,7 @@ from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.physics.curve import GRAM
 from tactile_skin.simulation import scenes
 from tactile_skin.solvers import METHODS
+from tactile_skin.solvers.reading import Reading
 
 CURVE = PressureCurve()
 
@@ -70,3 +71,22 @@ def test_each_method_takes_such_a_circuit(method):
     assert first.force.shape == again.force.shape == (16, 16)
     assert first.status != "failed"
     np.testing.assert_allclose(again.force.sum(), first.force.sum(), rtol=0.05)
+
+
+def test_an_exact_reading_is_inverted_to_its_last_digits():
+    """Its standard deviation says so: a fit of 0.006 ADC steps leaves 3 mN."""
+    circuit = Circuit(2, 10, r_ref=150e3, r_par=0.0, adc_bits=8, r_line=np.linspace(0.0, 50.0, 12))
+    force = np.random.default_rng(14).uniform(0.0, 2.3, (2, 10))
+    found = compensate(forward(circuit, CURVE.resistance(force)), circuit, CURVE, noise=0.0)
+    assert found.status == "ok"
+    np.testing.assert_allclose(found.force, force, atol=1e-6)
+
+
+@pytest.mark.parametrize("method", ["fixed_point", "newton", "map"])
+def test_what_stripes_add_is_not_found_after_the_time_limit(method, monkeypatch):
+    circuit = Circuit(10, 10, r_line=100.0)
+    adc = forward(circuit, CURVE.resistance(np.full((10, 10), 4.0)))
+    assert compensate(adc, circuit, CURVE, method, noise=0.5).status == "ok"
+    monkeypatch.setattr(Reading, "late", lambda reading: True)
+    found = compensate(adc, circuit, CURVE, method, noise=0.5)
+    assert found.status == "failed" and "time_limit" in found.message

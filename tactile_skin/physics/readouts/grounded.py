@@ -3,12 +3,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..arrays import Floats
+from ..arrays import Bools, Floats
 from .driven import DRIVER, LEAST_SCALE, Driven
 from .readout import BOUND, Late, Pair
 
@@ -84,21 +83,25 @@ class Grounded(Driven):
 
         While line i is driven the sense lines' voltages V_ij are measured, and those of the driven
         lines follow from them and g: W_ik = (S [i = k] + sum_j g_kj V_ij) / (S + sum_j g_kj), with
-        S = 1 / r_drive. V is linear in W, and W^-1 V is what ideal drivers would leave of it.
+        S = 1 / r_drive. V is linear in W, and W^-1 V is what ideal drivers would leave of it. Where
+        there is no cell and nothing was read, V is what W makes of the cells.
         """
         if circuit.has_ideal_drivers:
             return _by_ideal_drivers(circuit, adc, bounds), 0, True
         turned, total = circuit.driven == "columns", (circuit.r_ref + circuit.r_par) / circuit.r_ref
         v = total * (adc.T if turned else adc)
+        unread = (v == 0.0) & ~(circuit.populated.T if turned else circuit.populated)
         held = np.eye(len(v)) / circuit.r_drive  # S
-        ideal, w = replace(circuit, r_drive=0.0), held * circuit.r_drive
+        w = held * circuit.r_drive
         least, at, best = np.inf, 0, w
         for step in range(1, _STEPS + 1):
-            shown = np.clip(np.linalg.solve(w, v) / total, 0.0, 1.0)
-            g = _by_ideal_drivers(ideal, shown.T if turned else shown, bounds)
+            ideal = np.linalg.solve(w, v)
+            shown = np.minimum(ideal / total, 1.0)
+            g = _by_ideal_drivers(circuit, shown.T if turned else shown, bounds)
             cells = g.T if turned else g
             new = (held + v @ cells.T) / (1.0 / circuit.r_drive + cells.sum(1))
             moved, w = np.abs(new - w).max(), new
+            v = np.where(unread, w @ (ideal * (cells > 0.0)), v)
             if moved < least:
                 least, at, best = moved, step, g
             if moved < target or step - at > _PATIENCE or late():
@@ -117,7 +120,7 @@ def _within_bounds(circuit: Circuit, adc: Floats, bounds: Pair) -> Floats:
     free, held = circuit.populated, np.zeros(circuit.shape)
     ground: Floats | float = 1.0 / divider
     while True:  # each round holds more cells
-        left = np.maximum(1.0 - (v * free).sum(axis, keepdims=True), LEAST_SCALE)
+        left = np.maximum(_left(circuit, v, free), LEAST_SCALE)
         g = np.where(free, v * ground / left, held)
         inside = np.minimum(np.maximum(g, bounds[0]), bounds[1])
         out = free & (np.abs(inside - g) > (BOUND - 1.0) * g)
@@ -125,6 +128,17 @@ def _within_bounds(circuit: Circuit, adc: Floats, bounds: Pair) -> Floats:
             return g
         free, held = free & ~out, np.where(out, inside, held)
         ground = 1.0 / divider + held.sum(axis, keepdims=True)
+
+
+def _left(circuit: Circuit, v: Floats, free: Bools) -> Floats:
+    """Return 1 - sum v of each sense line over its free cells.
+
+    Without a cell v is noise of ideal drivers, of others what they let the driven lines leave: it
+    belongs to the sum, without which cells of a tenth of the load would read alike.
+    """
+    counted = free | ~circuit.populated if circuit.r_drive else free
+    left: Floats = 1.0 - (v * counted).sum(circuit.sense_axis, keepdims=True)
+    return left
 
 
 def _by_ideal_drivers(circuit: Circuit, adc: Floats, bounds: Pair) -> Floats:
@@ -142,8 +156,7 @@ def _by_ideal_drivers(circuit: Circuit, adc: Floats, bounds: Pair) -> Floats:
     divider = circuit.r_ref + circuit.r_par
     free, v = g > low, adc * (divider / circuit.r_ref)
     ground = 1.0 / divider + (g * ~free).sum(axis, keepdims=True)
-    n, used = free.sum(axis, keepdims=True), v * free
-    left = 1.0 - used.sum(axis, keepdims=True)
+    n, used, left = free.sum(axis, keepdims=True), v * free, _left(circuit, v, free)
     end = n * high.min(axis, keepdims=True) + ground
     leads = end / (left + n * used.max(axis, keepdims=True))
     spread = v * leads + (left * leads - ground) / np.maximum(n, 1)
