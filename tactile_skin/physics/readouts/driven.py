@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 from abc import abstractmethod
 from typing import TYPE_CHECKING
 
@@ -184,5 +183,9 @@ class Driven(Readout):
 
     @classmethod
     def sharing(cls, circuit: Circuit, cells: float) -> float:
-        """All of a line's cells share it."""
-        return min(math.sqrt(cells), *circuit.shape)
+        """All cells of a line share it, and a touch may lie on one line."""
+        return min(cells, circuit.shape[cls.shared_along(circuit)])
+
+    @classmethod
+    def shared_along(cls, circuit: Circuit) -> int:
+        return circuit.sense_axis if cls.shares_sum else 1 - circuit.sense_axis

@@ -121,10 +121,15 @@ class Readout(ABC):
     @classmethod
     @abstractmethod
     def sharing(cls, circuit: Circuit, cells: float) -> float:
-        """Return how many cells of a square touch share the current through what lies in series.
+        """Return how many cells of a touch may share the current through what lies in series.
 
         An ohm there hides as much as so many ohm of each of them.
         """
+
+    @classmethod
+    def shared_along(cls, circuit: Circuit) -> int | None:
+        """Return the axis of (rows, cols) along which cells share it; None: any two lines do."""
+        return None
 
     @classmethod
     @abstractmethod
