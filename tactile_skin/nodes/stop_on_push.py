@@ -157,12 +157,11 @@ class StopOnPush:
         self._decisions = Decisions(node)
         self._header = Header()
         self._force = self._most = 0.0
-        # of the newest picture: stamp, cells on one line
-        self._on_line: tuple[Time | None, float] = None, math.inf
+        self._pressure: tuple[Time | None, np.ndarray] = None, np.zeros((1, 1))  # stamp, picture
         self._simulated = False  # the driver says that its board is
         self._supposed = self._curve == PressureCurve()  # what the newtons are is yet to be said
         node.on_set_parameters(self.on_parameters)
-        if self._circuit.readout_class.shared_along(self._circuit) is not None:
+        if self._circuit.readout_class.loads_lower:  # else the number of cells says it
             node.create_subscription(Image, "skin/pressure", self.on_pressure, READING)
         node.create_subscription(PointCloud2, "skin/contacts", self.on_contacts, QUEUE)
         node.create_subscription(DiagnosticArray, diagnostics.TOPIC, self.on_diagnostics, 50)
@@ -184,10 +183,7 @@ class StopOnPush:
         self.policy.configure(config)
 
     def on_pressure(self, msg: Image) -> None:
-        """Take how many cells, of the hardest one's height, lie on the fullest line."""
-        along, pressure = self._circuit.readout_class.shared_along(self._circuit), image_array(msg)
-        if (hardest := pressure.max()) > 0.0:
-            self._on_line = msg.header.stamp, float(pressure.sum(along).max() / hardest)
+        self._pressure = msg.header.stamp, image_array(msg)
 
     def on_contacts(self, msg: PointCloud2) -> None:
         columns = cloud_columns(msg, "force", "peak")
@@ -210,14 +206,15 @@ class StopOnPush:
         share it; the hardest conducts most, and hides most. Without the picture of this reading all
         of them may lie on one line.
         """
-        curve, unknown = self._curve, max(self._unknown.values(), default=0.0)
-        stamp, on_line = self._on_line
-        here = stamp == self._header.stamp  # of the picture and the contacts
-        cells = min(force / peak, on_line if here else math.inf) if peak else 1.0  # of one height
-        peak /= self._gain
+        curve, readout = self._curve, self._circuit.readout_class
+        unknown = max(self._unknown.values(), default=0.0)
         if not 0.0 < peak < math.inf or not unknown:
             return 1.0
-        hidden = unknown * self._circuit.readout_class.sharing(self._circuit, max(cells, 1.0))
+        stamp, pressure = self._pressure
+        seen = stamp == self._header.stamp and (hardest := pressure.max()) > 0.0
+        ohm = curve.resistance(pressure * (peak / hardest)) if seen else None
+        hidden = unknown * readout.sharing(self._circuit, max(force / peak, 1.0), ohm)
+        peak /= self._gain
         behind = np.maximum(curve.resistance(peak) - hidden, curve.least_resistance)
         return max(float(curve.force(behind)) / peak, 1.0)
 

@@ -182,10 +182,10 @@ class Driven(Readout):
         return blank(adc.T if turned else adc, lines)
 
     @classmethod
-    def sharing(cls, circuit: Circuit, cells: float) -> float:
-        """All cells of a line share it, and a touch may lie on one line."""
-        return min(cells, circuit.shape[cls.shared_along(circuit)])
-
-    @classmethod
-    def shared_along(cls, circuit: Circuit) -> int:
-        return circuit.sense_axis if cls.shares_sum else 1 - circuit.sense_axis
+    def sharing(cls, circuit: Circuit, cells: float, picture: Floats | None) -> float:
+        """All of a line share it, idle ones too: r_ref limits what a pressed one takes of it."""
+        along = circuit.sense_axis if cls.shares_sum else 1 - circuit.sense_axis
+        if picture is None:
+            return min(cells, circuit.shape[along])
+        current = circuit.populated / (picture + (0.0 if cls.shares_sum else circuit.r_ref))
+        return float(current.sum(along).max() / current.max())

@@ -120,16 +120,15 @@ class Readout(ABC):
 
     @classmethod
     @abstractmethod
-    def sharing(cls, circuit: Circuit, cells: float) -> float:
+    def sharing(cls, circuit: Circuit, cells: float, picture: Floats | None) -> float:
         """Return how many cells of a touch may share the current through what lies in series.
 
         An ohm there hides as much as so many ohm of each of them.
-        """
 
-    @classmethod
-    def shared_along(cls, circuit: Circuit) -> int | None:
-        """Return the axis of (rows, cols) along which cells share it; None: any two lines do."""
-        return None
+        Args:
+            cells: how many it has, if they are alike.
+            picture: (rows, cols) resistances of all cells [ohm]; None: not known.
+        """
 
     @classmethod
     @abstractmethod
