@@ -149,7 +149,8 @@ class StopOnPush:
         self._circuit = circuit_of(given.circuit)
         self._curve = curve_of(given.curve, self._circuit)
         gain = self._curve.gain
-        self._gain = 1.0 if gain is None else float(np.median(gain))  # a contact names no cell
+        # a contact names no cell: the one that hides most of what it feels
+        self._gain = 1.0 if gain is None else float(gain.min())
         self._unknown: dict[str, float] = {}  # ohm that may lie in series besides, by who says so
         self._largest = _END * self._curve.max_force
         with concerning("peak", "curve"):

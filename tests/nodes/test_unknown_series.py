@@ -36,7 +36,8 @@ def stop_under(force, peak, unknown=None, gain=1.0, picture=None, **circuit):
         circuit: of its parameters.
     """
     bench = Bench()
-    given = {"curve.gain": [gain], "peak": 9.0 * gain}
+    gain = np.atleast_1d(gain).tolist()
+    given = {"curve.gain": gain, "peak": 9.0 * min(gain)}
     given |= {f"circuit.{name}": value for name, value in circuit.items()}
     stop, other = StopOnPush(bench.node("stop_on_push", given)), bench.node("other")
     contacts = other.create_publisher(PointCloud2, "skin/contacts", 10)
@@ -126,6 +127,19 @@ def test_cells_that_feel_more_or_less_hide_as_much_of_what_they_feel(gain):
     """Half the gain, half the force at the same resistance: as far off, in proportion."""
     assert decided(25.0, 4.0 * gain, 65.0, gain) == "push"
     assert decided(12.0 * gain, 0.5 * gain, 65.0, gain) == ""
+
+
+def test_the_cell_that_hides_most_of_what_it_feels_counts():
+    """On a cell of half the gain 2 N are 4 N of the curve; a contact does not say on which."""
+    gain = np.ones(256)
+    gain[100] = 0.5
+    assert decided(20.0, 1.5, 65.0) == ""
+    assert decided(20.0, 1.5, 65.0, gain) == decided(20.0, 1.5, 65.0, 0.5) == "push"
+
+
+@pytest.mark.parametrize(("gain", "force"), [(1.0, 9.35), (0.5, 4.7)])
+def test_a_cell_at_the_end_of_the_curve_may_feel_anything_and_stops(gain, force):
+    assert decided(force, force, 65.0, gain) == decided(force, force, 0.0, gain) == "push"
 
 
 @pytest.mark.parametrize(("force", "peak"), [(-2.0, 4.0), (5.0, -3.0)])
