@@ -32,7 +32,7 @@ class CmdVel:
         kind: of its velocities: Twist, or with the parameter `stamped` TwistStamped.
 
     Args:
-        given: the node's parameters: `stamped` and `frame_id`.
+        given: the node's parameters: `stamped`, `base_frame` and `frame_id`.
         decide: time [s] -> Motion.
         take_stop: called with (time [s], StopMessage) for each message of the stop.
     """
@@ -42,7 +42,8 @@ class CmdVel:
         self._message: StopMessage | None = None
         self._reason: str | None = None
         self._closed = threading.Lock()  # never released once the final zero is published
-        self.kind, self.frame = kind_of(given.stamped), given.frame_id
+        self.kind = kind_of(given.stamped)
+        self.frame = given.base_frame or given.frame_id
         self.asked: Header | None = None
         self._cmd_vel = node.create_publisher(self.kind, "cmd_vel", 1)
         self._diagnostics = diagnostics.Reporter(node)

@@ -9,7 +9,7 @@ from ..behaviours.gate import Gate
 from ..middleware.config import declared
 from ..msg import Header, Twist, TwistStamped
 from ..parameters.nodes import CmdVelGate as Parameters
-from . import frames, now, seconds
+from . import now, seconds
 from .cmd_vel import CmdVel, twist_of
 from .touch import Touch, on_touch, xyz
 
@@ -17,27 +17,18 @@ from .touch import Touch, on_touch, xyz
 class CmdVelGate:
     """Publishes cmd_vel with every command, and at least 50 times a second: gate.py, cmd_vel.py.
 
-    Positions, forces and velocities are in one frame, or tf knows where the skin's frame is in that
-    of the velocities, `base_frame`. A stamped command that passes keeps its
-    stamp.
+    A push has no direction while tf does not know its frame in that of the velocities. A stamped
+    command that passes keeps its stamp.
     """
 
     def __init__(self, node):
         self._node, given = node, declared(node, Parameters)
         self.gate = Gate(given)
-        self._base = given.base_frame
-        self._frames = frames.hear(node) if self._base else None
         self._cmd_vel = CmdVel(node, given, self.gate.decide, self.gate.stop)
-        self._cmd_vel.frame = self._base or self._cmd_vel.frame
-        on_touch(node, self.on_touch)
+        on_touch(node, self.on_touch, given.base_frame)
         node.create_subscription(self._cmd_vel.kind, "cmd_vel_in", self.on_command, 1)
 
     def on_touch(self, touch: Touch) -> None:
-        if self._frames is not None and touch.frame != self._base:
-            try:
-                touch = touch.seen_from(self._frames.lookup(self._base, touch.frame, touch.stamp))
-            except LookupError:
-                return  # a push without a direction: the gate closes
         places = np.vstack([touch.centre, touch.places])
         self.gate.touch(touch.stamp, touch.total, touch.force, places)
 

@@ -27,13 +27,16 @@ from ..msg import (
     DiagnosticArray,
     DiagnosticStatus,
     Header,
+    Image,
     PointCloud2,
+    Time,
     Trigger,
     cloud_columns,
+    image_array,
 )
 from ..parameters.nodes import StopOnPush as Parameters
 from ..physics.curve import PressureCurve
-from . import QUEUE, diagnostics, now, seconds
+from . import QUEUE, READING, diagnostics, now, seconds
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 STATUS_TOPIC = "skin/stop_status"
@@ -135,8 +138,8 @@ class StopOnPush:
 
     The sum of the contacts' forces decides, so that a squeeze from both sides, whose wrench is
     zero, stops as well; a hard one counts with what it has if r_par is one standard deviation above
-    what compensation supposes. The service `~/reset` frees a latched stop, and refuses while its
-    cause lasts.
+    what compensation supposes. Where the cells of one line share r_par, skin/pressure says how many
+    do. The service `~/reset` frees a latched stop, and refuses while its cause lasts.
     """
 
     def __init__(self, node):
@@ -146,7 +149,8 @@ class StopOnPush:
         self._circuit = circuit_of(given.circuit)
         self._curve = curve_of(given.curve, self._circuit)
         gain = self._curve.gain
-        self._gain = 1.0 if gain is None else float(np.median(gain))  # a contact names no cell
+        # a contact names no cell: the one that hides most of what it feels
+        self._gain = 1.0 if gain is None else float(gain.min())
         self._unknown: dict[str, float] = {}  # ohm that may lie in series besides, by who says so
         self._largest = _END * self._curve.max_force
         with concerning("peak", "curve"):
@@ -154,9 +158,12 @@ class StopOnPush:
         self._decisions = Decisions(node)
         self._header = Header()
         self._force = self._most = 0.0
+        self._pressure: tuple[Time | None, np.ndarray] = None, np.zeros((1, 1))  # stamp, picture
         self._simulated = False  # the driver says that its board is
         self._supposed = self._curve == PressureCurve()  # what the newtons are is yet to be said
         node.on_set_parameters(self.on_parameters)
+        if self._circuit.readout_class.loads_lower:  # else the number of cells says it
+            node.create_subscription(Image, "skin/pressure", self.on_pressure, READING)
         node.create_subscription(PointCloud2, "skin/contacts", self.on_contacts, QUEUE)
         node.create_subscription(DiagnosticArray, diagnostics.TOPIC, self.on_diagnostics, 50)
         node.create_service(Trigger, "~/reset", self.on_reset)
@@ -176,6 +183,9 @@ class StopOnPush:
         self._check(config)
         self.policy.configure(config)
 
+    def on_pressure(self, msg: Image) -> None:
+        self._pressure = msg.header.stamp, image_array(msg)
+
     def on_contacts(self, msg: PointCloud2) -> None:
         columns = cloud_columns(msg, "force", "peak")
         force, peak = columns["force"], columns["peak"]
@@ -194,14 +204,18 @@ class StopOnPush:
         """Return how many times its force a touch may have with so much on its hardest cell [N].
 
         A series resistance that is not known hides as much of the cells' own, times the cells that
-        share it; the hardest conducts most, and hides most.
+        share it; the hardest conducts most, and hides most. Without the picture of this reading all
+        of them may lie on one line.
         """
-        curve, unknown = self._curve, max(self._unknown.values(), default=0.0)
-        cells = max(force / peak, 1.0) if peak else 1.0  # of one height
-        peak /= self._gain
+        curve, readout = self._curve, self._circuit.readout_class
+        unknown = max(self._unknown.values(), default=0.0)
         if not 0.0 < peak < math.inf or not unknown:
             return 1.0
-        hidden = unknown * self._circuit.readout_class.sharing(self._circuit, cells)
+        stamp, pressure = self._pressure
+        seen = stamp == self._header.stamp and (hardest := pressure.max()) > 0.0
+        ohm = curve.resistance(pressure * (peak / hardest)) if seen else None
+        hidden = unknown * readout.sharing(self._circuit, max(force / peak, 1.0), ohm)
+        peak /= self._gain
         behind = np.maximum(curve.resistance(peak) - hidden, curve.least_resistance)
         return max(float(curve.force(behind)) / peak, 1.0)
 

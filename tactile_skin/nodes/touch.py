@@ -11,7 +11,7 @@ import numpy as np
 from ..middleware.bus import Time
 from ..msg import PointCloud2, PointStamped, WrenchStamped, cloud_columns
 from ..touch.frames import Pose
-from . import QUEUE
+from . import QUEUE, frames
 
 
 class Touch(NamedTuple):
@@ -35,11 +35,15 @@ class Touch(NamedTuple):
         )
 
 
-def on_touch(node, callback: Callable[[Touch], None]) -> None:
+def on_touch(node, callback: Callable[[Touch], None], base: str = "") -> None:
     """skin/contacts, skin/wrench, skin/centre -> callback(touch), once a reading.
 
     Parts of one reading have one stamp; they may come in any order, on real ROS.
+
+    Args:
+        base: frame of the touch, by tf, and no touch while tf knows none; empty: the messages' own.
     """
+    known = frames.hear(node) if base else None
     parts: dict[str, tuple] = {}  # name -> stamp [ns], value
 
     def take(name: str, msg, value) -> None:
@@ -50,7 +54,13 @@ def on_touch(node, callback: Callable[[Touch], None]) -> None:
             total, places = parts["contacts"][1]
             centre = parts["centre"][1]
             frame = msg.header.frame_id
-            callback(Touch(stamp / 1e9, total, force, torque, centre, places, frame))
+            touch = Touch(stamp / 1e9, total, force, torque, centre, places, frame)
+            if known is not None and frame != base:
+                try:
+                    touch = touch.seen_from(known.lookup(base, frame, touch.stamp))
+                except LookupError:
+                    return
+            callback(touch)
 
     def on_contacts(msg: PointCloud2) -> None:
         columns = cloud_columns(msg, "x", "y", "z", "force")

@@ -19,6 +19,7 @@ from .shared import Circuit, Curve, Framed, Geometry, Shared, Skin
 # Those of `solvers.METHODS`, which takes as long to import as all the rest; a test compares them.
 METHODS = "naive", "fixed_point", "newton", "map", "cnn", "physics", "auto"
 SKINS = "names of those of a body, by the parameter file's `skins`"
+_BASE = "frame of the velocities, by tf from frame_id; empty: they are the same"
 _STAMPED = "velocities are TwistStamped, not Twist"
 
 Format = dataclasses.make_dataclass(
@@ -162,9 +163,7 @@ class StopOnPush(StopConfig):
 class CmdVelGate(Framed, GateConfig):
     """Started by cmd_vel_gate:=true."""
 
-    base_frame: str = parameter(
-        "", "", "frame of the velocities, by tf from frame_id; empty: they are the same"
-    )
+    base_frame: str = parameter("", "", _BASE)
     stamped: bool = parameter(False, "", _STAMPED)
 
 
@@ -172,6 +171,7 @@ class CmdVelGate(Framed, GateConfig):
 class PushToMove(Framed, AdmittanceConfig):
     """Started by push_to_move:=true; stop_on_push must not latch."""
 
+    base_frame: str = parameter("", "", _BASE)
     stamped: bool = parameter(False, "", _STAMPED)
 
 

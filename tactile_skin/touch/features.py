@@ -106,7 +106,7 @@ def segment(force: np.ndarray, cell_threshold: float) -> tuple[np.ndarray, np.nd
         force: (rows, cols) [N].
         cell_threshold: a hill whose strongest cell has no more [N] is no contact, unless all its
             cells have 200 times as much, or 40 N, together: a body that leans on many cells is soft
-            on each.
+            on each. Of more than 40 N all such hills are one contact: it leans on several places.
 
     Returns:
         (m,) places of the touched cells in the flattened picture; (m,) each one's contact, from 0;
@@ -139,6 +139,11 @@ def segment(force: np.ndarray, cell_threshold: float) -> tuple[np.ndarray, np.nd
     owner = top_of[hill]
     sums = np.bincount(owner, f).tolist()
     felt = [k for k in sorted(set(owner.tolist())) if f[k] > cell_threshold or sums[k] > soft]
+    if f.sum() - sum(sums[k] for k in felt) > _MOST_SOFT:
+        left = ~np.isin(owner, felt)
+        felt.append(owner[left].max())
+        owner[left] = felt[-1]
+        sums = np.bincount(owner, f).tolist()
     number = np.full(m, -1)
     number[sorted(felt, key=lambda k: -sums[k])] = range(len(felt))
     contact = number[owner]

@@ -27,12 +27,15 @@ from tactile_skin.msg import (
     Vector3,
 )
 from tactile_skin.nodes.cmd_vel_gate import CmdVelGate
+from tactile_skin.nodes.frames import publish_static
 from tactile_skin.nodes.observers.monitor import Monitor
 from tactile_skin.nodes.observers.touch_events import PushListener, StrokeListener
 from tactile_skin.nodes.push_to_move import PushToMove
 from tactile_skin.nodes.stop_on_push import STATUS_TOPIC
 from tactile_skin.simulation import scenes, simulator
 from tactile_skin.touch.events import Pushed, Released
+from tactile_skin.touch.frames import Pose
+from tactile_skin.touch.geometry import rotation_of
 
 ALL_AROUND = 2 * math.pi * 0.15 / 16  # m, pitch of 16 columns around the whole cylinder
 EIGHT = np.arange(8) * math.pi / 4
@@ -372,6 +375,18 @@ def test_a_stream_that_ends_while_led_is_zero_within_the_timeout():
     driven = robot.live(0.5, frames=False)
     assert np.count_nonzero(driven[:, 0]) * FRAME <= 0.12
     assert not driven[-1].any()
+
+
+def test_on_a_link_that_is_turned_it_is_led_in_the_frame_of_the_base():
+    """Onto the front of a link that faces the base's left; nowhere before tf says so."""
+    robot = Robot(PushToMove, base_frame="chassis", stamped=False)
+    robot.felt = scenes.finger(16, 16, 7.5, 7.5, 60.0, 2.2)
+    assert not robot.live(0.5).any()
+    assert robot.why() == "motion withheld: no reading"
+    pose = Pose(rotation_of(0.0, 0.0, math.pi / 2), np.zeros(3))
+    publish_static(robot.observer, "chassis", "base_link", pose)
+    x, y, _ = robot.live(1.0)[-1]
+    assert y < -0.2 and abs(x) < 0.1 * abs(y)
 
 
 def test_the_live_line_tells_where_it_is_led(capsys):

@@ -9,23 +9,39 @@ from support.bench import Bench
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.calibration.tracker import CircuitTracker
-from tactile_skin.msg import DiagnosticArray, DiagnosticStatus, Header, KeyValue, PointCloud2, cloud
+from tactile_skin.msg import (
+    DiagnosticArray,
+    DiagnosticStatus,
+    Header,
+    Image,
+    KeyValue,
+    PointCloud2,
+    cloud,
+    image,
+)
 from tactile_skin.nodes import diagnostics
 from tactile_skin.nodes.compensation import Compensation
 from tactile_skin.nodes.stop_on_push import StopOnPush
-from tactile_skin.physics.readouts import PASSIVE
+from tactile_skin.physics.readouts import DRIVEN, PASSIVE
+
+CELL_AREA = 1e-4  # m^2, only a scale: all cells are alike
 
 
-def decided(force, peak, unknown=None, gain=1.0, readout="floating"):
-    """What the stop says of one contact [N] when compensation does not know so much of r_par.
+def stop_under(force, peak, unknown=None, gain=1.0, picture=None, **circuit):
+    """Return the stop [N] under one contact when compensation does not know so much of r_par.
 
     Args:
         unknown: of one, or of several nodes.
+        picture: (rows, cols) [N]; None: none arrives.
+        circuit: of its parameters.
     """
     bench = Bench()
-    given = {"curve.gain": [gain], "peak": 9.0 * gain, "circuit.readout": readout}
+    gain = np.atleast_1d(gain).tolist()
+    given = {"curve.gain": gain, "peak": 9.0 * min(gain)}
+    given |= {f"circuit.{name}": value for name, value in circuit.items()}
     stop, other = StopOnPush(bench.node("stop_on_push", given)), bench.node("other")
     contacts = other.create_publisher(PointCloud2, "skin/contacts", 10)
+    pictures = other.create_publisher(Image, "skin/pressure", 10)
     reports = other.create_publisher(DiagnosticArray, diagnostics.TOPIC, 10)
     for _ in range(30):
         bench.clock.advance(0.01)
@@ -35,9 +51,17 @@ def decided(force, peak, unknown=None, gain=1.0, readout="floating"):
             status = DiagnosticStatus(DiagnosticStatus.OK, f"compensation_{k}", "ok", "", values)
             reports.publish(DiagnosticArray(header, [status]))
         columns = {"x": [0.0], "y": [0.0], "z": [0.0], "force": [force], "peak": [peak]}
+        if picture is not None:
+            pictures.publish(image(picture / CELL_AREA, "32FC1", header))
         contacts.publish(cloud(columns, header))
         bench.spin()
-    return stop.policy.decide(bench.clock.now().nanoseconds / 1e9).reason
+    return stop
+
+
+def decided(*given, **more):
+    """Return what the stop says."""
+    stop = stop_under(*given, **more)
+    return stop.policy.decide(stop.node.get_clock().now().nanoseconds / 1e9).reason
 
 
 @pytest.mark.parametrize(("force", "peak"), [(25.0, 4.0), (12.0, 6.5)])
@@ -63,8 +87,35 @@ def test_a_palm_counts_with_what_all_its_cells_hide(readout, newtons, side):
     found = compensate(forward(board, curve.resistance(truth)), circuit, curve, "newton", noise=0.5)
     touched = found.force * (truth > 0.0)
     unknown = board.r_par - circuit.r_par
-    assert decided(touched.sum(), touched.max(), unknown, readout=readout) == "push"
-    assert decided(touched.sum() / 3.0, touched.max() / 3.0, unknown, readout=readout) == ""
+    given = {"readout": readout, "picture": touched}
+    assert decided(touched.sum(), touched.max(), unknown, **given) == "push"
+    assert decided(touched.sum() / 3.0, touched.max() / 3.0, unknown, **given) == ""
+
+
+@pytest.mark.parametrize("seen", [True, False])
+@pytest.mark.parametrize("driven", DRIVEN)
+@pytest.mark.parametrize("readout", PASSIVE)
+@pytest.mark.parametrize("touch", [np.s_[7, :], np.s_[:, 7], np.s_[6:8, 2:14], np.s_[2:7, 5:10]])
+def test_a_touch_along_any_line_counts_with_what_it_may_have(touch, readout, driven, seen):
+    """29 N that a missing 20 ohm hides a part of, with the picture of its lines and without."""
+    circuit, curve = Circuit(readout=readout), PressureCurve()
+    circuit = replace(circuit, driven=driven if readout != "floating" else circuit.driven)
+    truth = np.zeros(circuit.shape)
+    truth[touch] = 29.0 / truth[touch].size
+    adc = forward(replace(circuit, r_par=circuit.r_par + 20.0), curve.resistance(truth))
+    found = compensate(adc, circuit, curve, "newton", noise=0.5).force * (truth > 0.0)
+    given = {"readout": readout, "driven": circuit.driven, "picture": found if seen else None}
+    assert stop_under(found.sum(), found.max(), 20.0, **given)._most > 0.99 * 29.0
+
+
+@pytest.mark.parametrize("readout", ["loaded", "grounded"])
+def test_a_soft_palm_does_not_stop_where_its_picture_shows_how_it_lies(readout):
+    """14 N on 6 x 6 cells, read aright, and 65 ohm that nobody has excluded."""
+    palm = np.zeros(Circuit().shape)
+    palm[3:9, 4:10] = 14.0 / 36.0
+    assert decided(14.0, palm.max(), 65.0, readout=readout, picture=palm) == ""
+    other = np.zeros(palm.shape)  # of no touch: it says nothing of the lines
+    assert decided(14.0, palm.max(), 65.0, readout=readout, picture=other) == "push"
 
 
 def test_of_several_compensations_the_one_that_knows_least_counts():
@@ -76,6 +127,19 @@ def test_cells_that_feel_more_or_less_hide_as_much_of_what_they_feel(gain):
     """Half the gain, half the force at the same resistance: as far off, in proportion."""
     assert decided(25.0, 4.0 * gain, 65.0, gain) == "push"
     assert decided(12.0 * gain, 0.5 * gain, 65.0, gain) == ""
+
+
+def test_the_cell_that_hides_most_of_what_it_feels_counts():
+    """On a cell of half the gain 2 N are 4 N of the curve; a contact does not say on which."""
+    gain = np.ones(256)
+    gain[100] = 0.5
+    assert decided(20.0, 1.5, 65.0) == ""
+    assert decided(20.0, 1.5, 65.0, gain) == decided(20.0, 1.5, 65.0, 0.5) == "push"
+
+
+@pytest.mark.parametrize(("gain", "force"), [(1.0, 9.35), (0.5, 4.7)])
+def test_a_cell_at_the_end_of_the_curve_may_feel_anything_and_stops(gain, force):
+    assert decided(force, force, 65.0, gain) == decided(force, force, 0.0, gain) == "push"
 
 
 @pytest.mark.parametrize(("force", "peak"), [(-2.0, 4.0), (5.0, -3.0)])

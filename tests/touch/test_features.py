@@ -202,6 +202,21 @@ def test_a_skin_that_reads_a_little_everywhere_is_not_touched():
     assert contacts(np.full((64, 64), 0.015), large, 0.2) == []  # what a tare may leave
 
 
+@pytest.mark.parametrize(("threshold", "size"), [(0.2, 32), (1.0, 16)])
+def test_a_body_that_leans_on_two_places_is_a_touch_as_well(threshold, size):
+    """Two shoulder blades, 39 N each, below every limit of one contact; two of 19 N are not."""
+    force, half = np.zeros((size, size)), size // 2 - 1
+    force[2:-2, :half] = force[2:-2, -half:] = 1.0
+    force *= 78.0 / force.sum()
+    assert force.max() < threshold
+    large = make_geometry("plane", size, size)
+    assert sum(c.force for c in contacts(force, large, threshold)) == pytest.approx(78.0)
+    assert contacts(force * 19.0 / 39.0, large, threshold) == []
+    force[0, :2] = 5.0  # nor does a touch elsewhere hide them
+    found = contacts(force, large, threshold)
+    assert [round(c.force) for c in found] == [78, 10]
+
+
 @pytest.mark.parametrize("threshold", [0.2, 0.5, 1.0])
 def test_no_threshold_hides_a_body_from_the_stop(threshold):
     """80 N on a hundred cells; 1 N is the largest threshold that the parameter allows."""

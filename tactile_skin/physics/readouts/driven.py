@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 from abc import abstractmethod
 from typing import TYPE_CHECKING
 
@@ -183,6 +182,10 @@ class Driven(Readout):
         return blank(adc.T if turned else adc, lines)
 
     @classmethod
-    def sharing(cls, circuit: Circuit, cells: float) -> float:
-        """All of a line's cells share it."""
-        return min(math.sqrt(cells), *circuit.shape)
+    def sharing(cls, circuit: Circuit, cells: float, picture: Floats | None) -> float:
+        """All of a line share it, idle ones too: r_ref limits what a pressed one takes of it."""
+        along = circuit.sense_axis if cls.shares_sum else 1 - circuit.sense_axis
+        if picture is None:
+            return min(cells, circuit.shape[along])
+        current = circuit.populated / (picture + (0.0 if cls.shares_sum else circuit.r_ref))
+        return float(current.sum(along).max() / current.max())

@@ -105,7 +105,7 @@ class Floating(Readout):
         return blank(circuit.ratio(rho), lines)
 
     @classmethod
-    def sharing(cls, circuit: Circuit, cells: float) -> float:
+    def sharing(cls, circuit: Circuit, cells: float, picture: Floats | None) -> float:
         """By Foster's theorem it is g * rho = cells / (the touch's rows + its columns - 1)."""
         side = min(math.sqrt(cells), *circuit.shape)
         return cells / (side + cells / side - 1.0)

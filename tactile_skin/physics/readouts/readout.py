@@ -120,10 +120,14 @@ class Readout(ABC):
 
     @classmethod
     @abstractmethod
-    def sharing(cls, circuit: Circuit, cells: float) -> float:
-        """Return how many cells of a square touch share the current through what lies in series.
+    def sharing(cls, circuit: Circuit, cells: float, picture: Floats | None) -> float:
+        """Return how many cells of a touch may share the current through what lies in series.
 
         An ohm there hides as much as so many ohm of each of them.
+
+        Args:
+            cells: how many it has, if they are alike.
+            picture: (rows, cols) resistances of all cells [ohm]; None: not known.
         """
 
     @classmethod

@@ -75,7 +75,7 @@ class VirtualGround(Readout):
         return blank(adc, lines)
 
     @classmethod
-    def sharing(cls, circuit: Circuit, cells: float) -> float:
+    def sharing(cls, circuit: Circuit, cells: float, picture: Floats | None) -> float:
         return 1.0
 
     @classmethod
