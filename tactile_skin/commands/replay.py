@@ -80,7 +80,8 @@ def run(args) -> int:
         raise ValueError(f"--jobs = {args.jobs}: must be 1 or more, and 1 with --out")
     namespace = given.get("namespace", "")
     if args.export:
-        return _export(files[0], args.export, recorded_skin(files[0], config), given)
+        skin = recorded_skin(files[0], config, namespace)
+        return _export(files[0], args.export, skin, given)
     with tempfile.TemporaryDirectory(prefix="tactile_skin_") as folder:
         paths = [_recording_of(path, Path(folder), config, given) for path in files]
         tasks = [Job(path, namespace, method, config or "") for path in paths]

@@ -16,12 +16,13 @@ from ..solvers import Estimate
 from .ceiling import Ceiling
 from .check import Check, Seen, Windows
 from .doubt import Doubt
+from .loose_lines import LooseLines
 from .odd_cells import OddCells
 from .rest_picture import RestPicture
 from .sent import Sent
 from .untouched import Untouched
 
-CHECKS: list[type[Check]] = [Sent, RestPicture, Ceiling, Untouched, OddCells]
+CHECKS: list[type[Check]] = [Sent, RestPicture, Ceiling, Untouched, OddCells, LooseLines]
 
 
 class Monitor:

@@ -174,16 +174,19 @@ def is_recording(path) -> bool:
     return Path(path).suffix.lower() == ".mcap"
 
 
-def recorded_skin(path, config=None) -> SkinConfig:
+def recorded_skin(path, config=None, namespace: str = "") -> SkinConfig:
     """Return the configuration of a parameter file, or else what a recording was made with.
 
     Of other files, all defaults.
+
+    Args:
+        namespace: of the skin, where a recording holds several.
 
     Raises:
         FileError, OSError: as Recording.
     """
     if config is None and is_recording(path):
-        return Recording(path).skin
+        return Recording(path, namespace).skin
     return read_skin(config)
 
 

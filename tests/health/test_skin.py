@@ -34,13 +34,13 @@ class Board:
         )
         self.skin.use(method)
 
-    def feel(self, force, frames=1, *, late=False, broken=False):
+    def feel(self, force, frames=1, *, late=False, broken=None):
         """The force [N] that is found in the last frame."""
         for _ in range(frames):
             ratio = forward(CIRCUIT, self.curve.resistance(force) * self.rest)
             steps = ratio * CIRCUIT.full_scale + 0.5 * self.rng.standard_normal(CIRCUIT.shape)
-            if broken:
-                steps[3] = 0.0  # a row that is open
+            if broken is not None:
+                steps[broken] = 0.0  # a row that is open
             samples = np.rint(64.0 * np.clip(steps, 0.0, None)).astype(np.uint16)
             found = self.skin.frame(self.t, samples, late=late)
             self.t += FRAME
@@ -144,7 +144,7 @@ def test_a_frame_of_floats_is_refused(reading):
 def test_an_open_row_is_a_fault_until_a_reset_finds_it_gone():
     board = Board()
     board.feel(NOTHING, 150)
-    board.feel(PUSH, 20, broken=True)
+    board.feel(PUSH, 20, broken=3)
     assert board.skin.fault and "row 3 is open" in str(board.skin.findings()[0])
     board.skin.reset()
     assert board.skin.fault, "it is there still"

@@ -97,7 +97,8 @@ def test_few_takes_and_absent_ones_are_mistakes_that_are_named(takes, tmp_path, 
     assert not (tmp_path / "model").exists()
 
 
-def test_each_touch_of_a_recording_is_a_take(tmp_path, capsys):
+@pytest.mark.parametrize("words", [[], ["namespace:=left"]])
+def test_each_touch_of_a_recording_is_a_take(words, tmp_path, capsys):
     path = tmp_path / "touches.mcap"
     on = np.array([0] * 20 + [1] * 30 + [0] * 150 + [1] * 20 + [0] * 150 + [1] + [0] * 20)
     writer = Writer(path, {}, 0)
@@ -111,15 +112,23 @@ def test_each_touch_of_a_recording_is_a_take(tmp_path, capsys):
             ("pressure", image(spot, "32FC1", header)),
         ):
             writer.write(f"/left/skin/{topic}", Image, t, cdr.encode(picture))
+    if words:  # there is another skin
+        writer.write("/right/skin/adc", Image, t, cdr.encode(picture))
     writer.close()
     out = tmp_path / "takes"
-    assert cli.main(["gestures", "record", "hold", str(path), "--out", str(out)]) == 0
+    assert cli.main(["gestures", "record", "hold", str(path), *words, "--out", str(out)]) == 0
     said = capsys.readouterr().out
     assert "2 takes of hold" in said and "a touch of 0.04 s is too short" in said
     seconds = sorted(take.period * len(take.pictures) for take in map(load_take, out.iterdir()))
     # a picture of 0.04 s at each end may hold a part of it
     assert seconds == pytest.approx([0.2, 0.3], abs=0.08)
     assert all(take.pictures.max() == pytest.approx(2.0) for take in map(load_take, out.iterdir()))
+
+
+def test_what_says_how_a_live_skin_runs_is_refused_with_a_recording(tmp_path, capsys):
+    words = ["a.mcap", "config:=mine.yaml", "--out", str(tmp_path)]
+    assert cli.main(["gestures", "record", "hold", *words]) == 2
+    assert "config: of the live skin" in capsys.readouterr().err
 
 
 def test_a_take_is_over_when_the_skin_is_left_alone():

@@ -101,6 +101,23 @@ def test_a_foreign_file_is_replayed_recorded_and_exported(tmp_path, config, call
     assert status == 0 and "readings  199" in said
 
 
+def test_of_several_skins_the_one_of_the_namespace_is_exported(tmp_path, call):
+    path, out = tmp_path / "a.mcap", tmp_path / "a.npy"
+    left, right = recorded.samples(3, 16, 16), recorded.samples(3, 16, 16, seed=1)
+    writer = Writer(path, {}, recorded.START)
+    for k in range(3):
+        for side, frames in (("left", left), ("right", right)):
+            message = recorded.adc_image(frames[k], recorded.stamp(k))
+            data = cdr.encode(message)
+            writer.write(f"/{side}/skin/adc", msg.Image, recorded.stamp(k), data)
+    writer.close()
+    status, _, error = call("replay", path, "--export", out)
+    assert status == 2 and "there are: /left/skin/adc, /right/skin/adc" in error
+    status, said, error = call("replay", path, "namespace:=right", "--export", out)
+    assert (status, error) == (0, "") and "3 frames" in said
+    np.testing.assert_array_equal(np.load(out), right / 64)
+
+
 def test_an_export_takes_rate_and_full_scale(tmp_path, config, call):
     """Of a file that says neither, as a replay does."""
     path, out = tmp_path / "volts.csv", tmp_path / "out.npz"

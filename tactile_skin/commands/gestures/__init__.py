@@ -37,7 +37,8 @@ def register(parser) -> None:
         "words",
         nargs="*",
         metavar="RECORDING | NAME:=VALUE",
-        help="a recording (.mcap), of which each touch is a take; or arguments of the launch file",
+        help="a recording (.mcap), of which each touch is a take, and namespace:= of the skin "
+        "where it holds several; or arguments of the launch file",
     )
     record.add_argument("--person", default="me", help="who makes the gesture (default me)")
     record.add_argument("--times", type=int, default=5, metavar="N", help="takes (default 5)")

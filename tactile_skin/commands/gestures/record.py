@@ -6,6 +6,7 @@ from __future__ import annotations
 import contextlib
 import datetime
 import time
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -29,10 +30,12 @@ def record(args) -> int:
     files, given = split(args.words, None)
     if len(files) > 1:
         raise ValueError(f"one recording, not {len(files)}: {' '.join(files)}")
+    if files and (live := ", ".join(sorted(set(given) - {"namespace"}))):
+        raise ValueError(f"{live}: of the live skin; of a recording, only namespace:= is taken")
     args.out.mkdir(parents=True, exist_ok=True)
     kept = 0
     with contextlib.suppress(KeyboardInterrupt):
-        for pictures, period, pitch in _recorded(files[0]) if files else _live(given, args):
+        for pictures, period, pitch in _takes(files, given, args):
             if len(pictures) < 2:
                 print(f"  a touch of {period:.2f} s is too short to be kept")
                 continue
@@ -79,9 +82,15 @@ class Course:
         return [(take, period, self._cells.pitch) for take in touches(pictures, period)]
 
 
-def _recorded(path: str) -> list[tuple]:
+def _takes(files: list[str], given: dict[str, str], args) -> Iterable[tuple]:
+    if files:
+        return _recorded(files[0], given.get("namespace", ""))
+    return _live(given, args)
+
+
+def _recorded(path: str, namespace: str) -> list[tuple]:
     """Return the takes of a recording."""
-    recording = Recording(path)
+    recording = Recording(path, namespace)
     pressure = recording.adc_topic.removesuffix("adc") + "pressure"
     course, std = Course(recording.skin.geometry), {}
     if f"{pressure}_std" in recording.topics:
