@@ -41,7 +41,14 @@ _WORDS = re.compile(
     rb"(?P<rest>-?[\d.][^\s,;]* *[,;\t].*)$",
     re.DOTALL,
 )
+_CHECK = re.compile(rb"\*[ \t]*[0-9A-Fa-f]{1,8}[ \t]*$")  # as NMEA ends a line
 _LABELS = re.compile(rb"[\[{(\s]*" + LABEL.pattern)
+_GLUE = re.compile(rb"-?\d")
+_GLUED = "a number with signs at it, as in 12#3F, may be a reading: print separators between"
+_MATS = (
+    "the numbers stand in several arrays: of one mat, or of two? docs/formats.md says how two mats "
+    "on one board are entered"
+)
 _NUMBER = "\0"  # in a label: no board prints it in a line
 _INTEGER = re.compile(r"\d+")
 _NO_TEXT = re.compile("[^ -}]+")  # what differs from line to line, `~` in place of a time
@@ -59,12 +66,14 @@ class _Line:
     values: tuple[float, ...]
     behind: int
     separator: str
+    check: str  # the description of a checksum behind; empty: there is none
     opens: bool
     closes: bool
+    doubt: str  # why the numbers may not be the readings of one mat; empty: nothing is known
 
     @property
     def kind(self) -> tuple:
-        return self.label, self.front, len(self.values), self.behind, self.separator
+        return self.label, self.front, len(self.values), self.behind, self.separator, self.check
 
 
 def _number(word: bytes) -> float:
@@ -75,8 +84,9 @@ def _take_apart(line: bytes) -> _Line | None:
     """None where a line holds no number."""
     opens, closes = bool(BEGINS.match(line)), bool(ENDS.search(line))
     body = _TIME.sub(lambda time: b" ".join([b"~"] * len(time[0].split())), line.strip())
+    body, checks = _CHECK.subn(b"", body)
     marks = list(_LABELS.finditer(body))
-    label = b""
+    label, doubt = b"", ""
     if len(marks) >= 2:
         ends = [m.start() for m in marks[1:]] + [len(body)]
         pieces = [body[m.end() : end] for m, end in zip(marks, ends, strict=True)]
@@ -86,6 +96,7 @@ def _take_apart(line: bytes) -> _Line | None:
         k = sizes.index(usual)
         if framed and set(sizes[k + 1 :]) == {1}:
             pieces[k + 1 :] = [b"~," if b"," in pieces[k] else b"~"] * len(pieces[k + 1 :])
+        doubt = _MATS if framed and sum(size > 1 for size in sizes[k:]) > 1 else ""
         if k:
             joints = [b"~," if b"," in piece else b"~" for piece in pieces[:k]]
             label = b"".join(m.group() + j for m, j in zip(marks, joints, strict=False))
@@ -109,8 +120,11 @@ def _take_apart(line: bytes) -> _Line | None:
     end = len(words) - numeric[::-1].index(True)
     if not all(numeric[front:end]):
         return None
-    values = tuple(_number(w) for w in words[front:end])
-    return _Line(text, lead, front, values, len(words) - end, separator.decode(), opens, closes)
+    values, check = tuple(_number(w) for w in words[front:end]), "*{skip}" * checks
+    around = words[:front] + words[end:]
+    doubt = doubt or (_GLUED if any(_GLUE.match(w) for w in around) else "")
+    behind, separator = len(words) - end, separator.decode()
+    return _Line(text, lead, front, values, behind, separator, check, opens, closes, doubt)
 
 
 # --- what a column of numbers does ---------------------------------------------------------------
@@ -170,12 +184,12 @@ def _roles(lead: np.ndarray, readings: int) -> tuple[list[str], int, tuple[int, 
 
 def _template(kind: tuple, lead: list[str], front: list[str], behind: int) -> str:
     """Return the description of a line; _NUMBER in its label stands for those of `lead`."""
-    label, skips, _, more, separator = kind
+    label, skips, _, more, separator, check = kind
     names = iter(lead)
     text = re.sub(_NUMBER, lambda _: f"{{{next(names)}}}", label)
     fields = ["{skip}"] * skips + [f"{{{name}}}" for name in front] + ["{values}"]
     fields += ["{skip}"] * (more + behind)
-    return f"{text} {separator.join(fields)}".strip()
+    return f"{text} {separator.join(fields)}{check}".strip()
 
 
 # --- the sample ----------------------------------------------------------------------------------
@@ -253,15 +267,17 @@ def _structure(lines, kind: tuple, end: bytes, shape: tuple[int, int] | None) ->
     cells = shape[0] * shape[1] if shape else 0
     behind, clear = (0, True) if size else _behind(values, cells)
     values = values[:, : values.shape[1] - behind]
-    width, sure = values.shape[1], sure and known and clear
+    doubt = next((line.doubt for line in chosen if line.doubt), "")
+    width, sure = values.shape[1], sure and known and clear and not doubt
     line = _template(kind, names[: lead.shape[1]], names[lead.shape[1] :], behind)
-    if not any((kind[0], kind[1], kind[3], front, behind)):
+    if not any((kind[0], kind[1], kind[3], kind[5], front, behind)):
         line = "{values}"
     fmt = TextFormat(line, end.decode(), first)
 
     def seen(about: str, shape=None, protocol="text", sure=sure) -> Seen:
         count = shape[0] * shape[1] if shape else width * (size[0] if size else 1)
         known = {"shape": shape, "cells": count, "sure": sure and count >= _FEWEST_CELLS}
+        about = f"{about}; {doubt}" if doubt else about
         return Seen(protocol, about, b"", fmt if protocol else None, **known, **_scale(values))
 
     if np.mean((values < 0.0).any(1)) >= _NEGATIVE:
@@ -291,7 +307,10 @@ def _structure(lines, kind: tuple, end: bytes, shape: tuple[int, int] | None) ->
         return seen(about, (period, width), "", sure=False)
     extra = " and ".join(
         f"{n} {where}"
-        for n, where in ((kind[1] + numbers.shape[1], "in front"), (behind + kind[3], "behind"))
+        for n, where in (
+            (kind[1] + numbers.shape[1], "in front"),
+            (behind + kind[3] + bool(kind[5]), "behind"),
+        )
         if n
     )
     about = f"a frame a line, {width} readings" + (f", {extra} that are none" if extra else "")
@@ -326,7 +345,9 @@ def _behind(values: np.ndarray, cells: int) -> tuple[int, bool]:
         return 0, True
     if _rises(last) or np.allclose(values[:, :-1].sum(1), last):
         return 1, len(values) > _RISING
-    if not _class(last) or np.median(values[:, :-1]) <= last.max():
+    others = np.median(values[:, :-1], axis=0)
+    least = max(others[others > 0.0].min(initial=np.inf), _CLASSES)  # a quiet cell is seldom it
+    if not _class(last) or min(np.median(others), least) <= last.max():
         return 0, True
     return int(sides(n - 1)[0] * sides(n)[1] > sides(n)[0] * sides(n - 1)[1]), False
 
