@@ -92,6 +92,24 @@ def test_arrays_under_two_keys_may_be_two_mats(rows, second):
     assert not seen.sure and "of one mat, or of two?" in seen.about
 
 
+NO_NUMBERS = {
+    "decimal commas": lambda v: ";".join(f"{x / 100:.2f}".replace(".", ",") for x in v),
+    "decimal commas, blanks": lambda v: " ".join(f"{x / 100:.2f}".replace(".", ",") for x in v),
+    "decimal commas, commas": lambda v: ", ".join(f"{x / 100:.2f}".replace(".", ",") for x in v),
+    "bars": lambda v: "|".join(map(str, v)),
+    "hexadecimal": lambda v: " ".join(f"0x{x:X}" for x in v),
+}
+
+
+@pytest.mark.parametrize("kind", NO_NUMBERS)
+def test_what_is_no_line_of_numbers_is_shown_with_what_to_print(kind):
+    lines = [NO_NUMBERS[kind](a.ravel()).encode() for a in pictures()]
+    seen = recognise(b"\n".join(lines))
+    assert not seen.protocol
+    assert "print decimal numbers (no hexadecimal)" in seen.about
+    assert seen.sample == lines[1]
+
+
 @pytest.mark.parametrize("low", [15, 70])
 def test_a_quiet_last_cell_is_no_class(low):
     """Nothing touches the skin, its cells move by a step, and the last reads less than most."""

@@ -43,6 +43,7 @@ _WORDS = re.compile(
 )
 _CHECK = re.compile(rb"\*[ \t]*[0-9A-Fa-f]{1,8}[ \t]*$")  # as NMEA ends a line
 _LABELS = re.compile(rb"[\[{(\s]*" + LABEL.pattern)
+_COMMAS = re.compile(rb"(?:\d,\d+, +-?){3}")  # of fractions
 _GLUE = re.compile(rb"-?\d")
 _GLUED = "a number with signs at it, as in 12#3F, may be a reading: print separators between"
 _MATS = (
@@ -81,7 +82,7 @@ def _number(word: bytes) -> float:
 
 
 def _take_apart(line: bytes) -> _Line | None:
-    """None where a line holds no number."""
+    """None where a line holds no number, or more that is none."""
     opens, closes = bool(BEGINS.match(line)), bool(ENDS.search(line))
     body = _TIME.sub(lambda time: b" ".join([b"~"] * len(time[0].split())), line.strip())
     body, checks = _CHECK.subn(b"", body)
@@ -107,6 +108,8 @@ def _take_apart(line: bytes) -> _Line | None:
     text = label.decode("ascii", "replace")
     lead = tuple(float(n) for n in _INTEGER.findall(text))
     text = _INTEGER.sub(_NUMBER, _NO_TEXT.sub("{skip}", text))
+    if _COMMAS.search(body):
+        return None
     body = body.translate(BLANKED).strip()
     counts = {s: body.count(s) for s in (b",", b";", b"\t")}
     separator = max(counts, key=lambda mark: counts[mark]) if any(counts.values()) else b" "
@@ -118,7 +121,7 @@ def _take_apart(line: bytes) -> _Line | None:
         return None
     front = numeric.index(True)
     end = len(words) - numeric[::-1].index(True)
-    if not all(numeric[front:end]):
+    if not all(numeric[front:end]) or 2 * (end - front) < len(words):
         return None
     values, check = tuple(_number(w) for w in words[front:end]), "*{skip}" * checks
     around = words[:front] + words[end:]
@@ -242,7 +245,7 @@ def recognise_lines(data: bytes, shape: tuple[int, int] | None = None) -> Seen:
     lines = [_take_apart(line) for line in raw]
     kinds = Counter(line.kind for line in lines if line)
     if not kinds:
-        return Seen("", _NO_NUMBERS, data, text=True)
+        return Seen("", _NO_NUMBERS, next(filter(bytes.strip, raw), data), text=True)
     kind = max(kinds, key=lambda each: (each[2] * kinds[each], each[2]))
     sample = b"".join(line + end for line in raw[: _SHOWN_LINES * len(raw) // kinds[kind]])
     decimals = any(
@@ -252,7 +255,10 @@ def recognise_lines(data: bytes, shape: tuple[int, int] | None = None) -> Seen:
     return _proved(replace(found, sample=sample, text=True), data, shape)
 
 
-_NO_NUMBERS = "text arrives, but no lines of numbers"
+_NO_NUMBERS = (
+    "text arrives, but no lines of numbers: print decimal numbers (no hexadecimal) with commas "
+    "between, and points in fractions"
+)
 _SINGLE = "a reading a line: print its number in front (of one column, give rows and cols)"
 
 
