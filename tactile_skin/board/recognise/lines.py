@@ -126,8 +126,8 @@ def _take_apart(line: bytes) -> _Line | None:
     values, check = tuple(_number(w) for w in words[front:end]), "*{skip}" * checks
     around = words[:front] + words[end:]
     doubt = doubt or (_GLUED if any(_GLUE.match(w) for w in around) else "")
-    behind, separator = len(words) - end, separator.decode()
-    return _Line(text, lead, front, values, behind, separator, check, opens, closes, doubt)
+    behind, between = len(words) - end, separator.decode()
+    return _Line(text, lead, front, values, behind, between, check, opens, closes, doubt)
 
 
 # --- what a column of numbers does ---------------------------------------------------------------
