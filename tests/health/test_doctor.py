@@ -73,6 +73,17 @@ def test_a_wrong_r_ref_is_named_or_the_touches_say_too_little(seed, times):
     )
 
 
+def test_readings_at_the_top_may_be_those_of_another_supply():
+    """The divider's supply is half as much again as the ADC's reference."""
+    circuit, rng = Circuit(8, 8, r_par=120.0, adc_bits=12), np.random.default_rng(2)
+    force = sim.touches(circuit.shape, 40.0, 10, hard=(3, 45), hold=1.2, gap=0.4)
+    full = 1.5 * circuit.full_scale
+    frames = sim.counts(circuit, sim.fabric(circuit), force, rng, full=full) / circuit.full_scale
+    (found,) = diagnose(frames, circuit)
+    assert "are exactly 4095, an end of the range" in found.evidence
+    assert "or the supply" in found.evidence
+
+
 @pytest.mark.parametrize("shape", [ci((10, 12)), ci((8, 16)), (12, 5)])
 @pytest.mark.parametrize("first", ["columns", "configured"])
 def test_rows_and_columns_that_are_exchanged_are_named(shape, first):
