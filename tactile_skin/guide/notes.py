@@ -37,7 +37,9 @@ def _unseen(seen: Recorded) -> str:
     readout = seen.circuit.readout_class
     series = "r_drive" if readout.knows_r_drive else "r_par"
     words = ["two lines that are exchanged with all their neighbours"]
-    if not shows(seen, series):
+    if seen.circuit.readout == "virtual_ground":
+        words.append("a wrong readout, r_par or scale: each reading is of its own cell alone")
+    elif not shows(seen, series):
         words.append(
             f"a wrong {series}, r_ref or supply: these touches say too little of it, press hard in "
             "more places, with more than a fingertip"

@@ -73,6 +73,26 @@ def test_a_wrong_r_ref_is_named_or_the_touches_say_too_little(seed, times):
     )
 
 
+def test_an_adc_of_another_width_may_be_another_scale():
+    """What the sketch prints are millivolts of 3.3 V, configured as 16 bits."""
+    circuit = Circuit(8, 8, r_ref=300.0, r_par=0.0, r_drive=25.0, readout="grounded", adc_bits=12)
+    force = sim.touches(circuit.shape, 60.0, 10, seed=2, rest=6.0, hard=(3, 45), hold=0.9, gap=0.7)
+    rng, supposed = np.random.default_rng(1), replace(circuit, adc_bits=16)
+    sent = sim.counts(circuit, sim.fabric(circuit, 1, 0.05), force, rng, full=3300.0)
+    (found,) = diagnose(sent / supposed.full_scale, supposed)
+    assert "(adc_bits 12)" in found.evidence
+    assert "else look circuit.adc_full_scale up" in found.remedy
+
+
+def test_a_virtual_ground_asks_for_no_harder_touches():
+    """Its readings show no r_par, however hard."""
+    circuit = Circuit(6, 6, r_par=10.0, readout="virtual_ground")
+    force, rng = sim.touches(circuit.shape, 30.0, 10), np.random.default_rng(1)
+    frames = sim.counts(circuit, sim.fabric(circuit), force, rng) / circuit.full_scale
+    (said, *_) = notes([], frames, circuit)
+    assert "each reading is of its own cell alone" in said and "press hard" not in said
+
+
 def test_readings_at_the_top_may_be_those_of_another_supply():
     """The divider's supply is half as much again as the ADC's reference."""
     circuit, rng = Circuit(8, 8, r_par=120.0, adc_bits=12), np.random.default_rng(2)
