@@ -117,6 +117,13 @@ def test_a_port_that_does_not_exist_is_one_clear_line(call, port):
     assert PORTS[port] in line
 
 
+@pytest.mark.parametrize("port", ["/dev/ttyNONE0", "auto"])
+def test_a_port_that_is_typed_is_no_mistake_of_a_file(call, port, monkeypatch):
+    monkeypatch.setattr("tactile_skin.board.serial_port.candidates", lambda serial_number="": [])
+    status, _, err = call("record", "x.txt", f"port:={port}")
+    assert status == 2 and f"error: port {port}: " in err
+
+
 OTHERS = {
     "no command": ([], "COMMAND"),
     "unknown command": (["lunch"], "lunch"),

@@ -267,8 +267,11 @@ class Owner:
         self.did.append(f"detect: {said[1]}")
         return True
 
-    def _answer(self, question: str) -> str:
-        """Return what is typed: what he believes, and what he looks up if that cannot be."""
+    def _answer(self, question: str, read):
+        """Return what is read in what is typed: what he believes, or looks up if that cannot be."""
+        return read(self._typed(question))
+
+    def _typed(self, question: str) -> str:
         entered, right = self.entered, self.board.right
         if question.startswith("rows"):
             fits = f"its {entered['rows'] * entered['cols']} cells" in question

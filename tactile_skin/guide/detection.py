@@ -10,9 +10,9 @@ from typing import Any
 import yaml
 
 from ..board.formats import Format
-from ..board.recognise import shown
-from ..board.recognise.lines import Seen, sides
+from ..board.recognise.lines import sides
 from ..board.recognise.listen import Heard
+from ..board.recognise.seen import Seen, shown
 from ..board.serial_port import identity
 from ..calibration.tracker import PIN
 from ..health.doctor.advice import WIDTHS

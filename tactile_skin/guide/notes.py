@@ -9,7 +9,8 @@ import numpy as np
 
 from ..calibration.rest import Rest
 from ..findings.finding import Finding
-from ..health.doctor.recorded import FEW_TOUCHES, record
+from ..health.doctor.recorded import FEW_TOUCHES, Recorded, record
+from ..health.doctor.series import shows
 from ..physics.circuit import Circuit
 
 # Share of what a short circuit reads that hard presses exceed on every board that was seen: of one
@@ -26,19 +27,24 @@ def notes(
         found: what was found.
         frames: (n, rows, cols) ADC ratio, NaN where a crossing was not read.
     """
-    nothing = "" if found else f"nothing found. {_unseen(circuit)}"
+    nothing = "" if found else f"nothing found. {_unseen(record(frames, circuit, rest))}"
     said = nothing, touches_note(frames, circuit, rest), _scale_note(frames, circuit)
     return [note for note in said if note]
 
 
-def _unseen(circuit: Circuit) -> str:
+def _unseen(seen: Recorded) -> str:
     """Return what might be wrong though nothing was found."""
-    series = "r_drive" if circuit.readout_class.knows_r_drive else "r_par"
-    words = [
-        "two lines that are exchanged with all their neighbours",
-        f"a wrong {series} if the board was only touched lightly",
-    ]
-    if not circuit.readout_class.two_terminal:
+    readout = seen.circuit.readout_class
+    series = "r_drive" if readout.knows_r_drive else "r_par"
+    words = ["two lines that are exchanged with all their neighbours"]
+    if seen.circuit.readout == "virtual_ground":
+        words.append("a wrong readout, r_par or scale: each reading is of its own cell alone")
+    elif not shows(seen, series):
+        words.append(
+            f"a wrong {series}, r_ref or supply: these touches say too little of it, press hard in "
+            "more places, with more than a fingertip"
+        )
+    if not readout.two_terminal:
         words.append("a wrong r_ref, which reads like another fabric")
     return "Frames do not show " + "; ".join(words) + "."
 

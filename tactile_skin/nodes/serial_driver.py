@@ -60,7 +60,8 @@ class SerialDriver:
         self._adc = node.create_publisher(Image, "skin/adc", 10)
         self._diagnostics = diagnostics.Reporter(node)
         absent = given.wait_for_port == 0.0 and not node.waits
-        with concerning("port", "serial_number"):
+        looked_for = given.port == "auto" and given.serial_number
+        with concerning("port", *(["serial_number"] if looked_for else [])):
             check_port(given.port, given.serial_number, absent)
         self._reader = SerialReader(
             given.port,

@@ -2,17 +2,20 @@
 """`diagnose` names the line or cell that is bad, and nothing on a sound board."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from support.damaged import KINDS, Case, explains
 from support.lab.unknown import Unknown
 from support.marks import ci, slow
+from support.strangers import sim
 from support.weights import known
 
 from tactile_skin import Circuit, cli, diagnose, forward
 from tactile_skin.board.frame import Counters
 from tactile_skin.commands import doctor as command
+from tactile_skin.guide.notes import notes
 from tactile_skin.health.doctor.wiring import Wires
 from tactile_skin.middleware.config import skin_of
 from tactile_skin.physics.readouts import DRIVEN, PASSIVE, READOUTS
@@ -49,6 +52,56 @@ def test_a_fault_is_named_with_its_line_or_cell(kind, readout, seed):
     assert [explains(f, kind, name, rows, cols, case.cut) for f in found] == [True], found
     assert found[0].evidence and found[0].remedy
     assert str(found[0]).startswith(found[0].where)
+
+
+@pytest.mark.parametrize(("seed", "times"), [(1, 1), (1, 3), (1, 10), (2, 10), (3, 5), (3, 10)])
+def test_a_wrong_r_ref_is_named_or_the_touches_say_too_little(seed, times):
+    """Where r_ref is entered too high the touches of a small board may fit any r_par."""
+    circuit, rng = (
+        Circuit(8, 8, r_ref=1000.0, r_par=100.0, adc_bits=12),
+        np.random.default_rng(seed),
+    )
+    hands = {"seed": seed + 1, "rest": 6.0, "hard": (3, 45), "hold": 0.9, "gap": 0.7}
+    force = sim.touches(circuit.shape, 60.0, 10, **hands)
+    frames = sim.counts(circuit, sim.fabric(circuit, seed), force, rng) / circuit.full_scale
+    supposed = replace(circuit, r_ref=times * circuit.r_ref)
+    found = diagnose(frames, supposed)
+    said = " ".join(notes(found, frames, supposed))
+    assert [f.where for f in found] in ([], ["r_par, r_ref or supply"])
+    assert ("a wrong r_par, r_ref or supply: these touches say too little" in said) == (
+        times > 1 and not found
+    )
+
+
+def test_an_adc_of_another_width_may_be_another_scale():
+    """What the sketch prints are millivolts of 3.3 V, configured as 16 bits."""
+    circuit = Circuit(8, 8, r_ref=300.0, r_par=0.0, r_drive=25.0, readout="grounded", adc_bits=12)
+    force = sim.touches(circuit.shape, 60.0, 10, seed=2, rest=6.0, hard=(3, 45), hold=0.9, gap=0.7)
+    rng, supposed = np.random.default_rng(1), replace(circuit, adc_bits=16)
+    sent = sim.counts(circuit, sim.fabric(circuit, 1, 0.05), force, rng, full=3300.0)
+    (found,) = diagnose(sent / supposed.full_scale, supposed)
+    assert "(adc_bits 12)" in found.evidence
+    assert "else look circuit.adc_full_scale up" in found.remedy
+
+
+def test_a_virtual_ground_asks_for_no_harder_touches():
+    """Its readings show no r_par, however hard."""
+    circuit = Circuit(6, 6, r_par=10.0, readout="virtual_ground")
+    force, rng = sim.touches(circuit.shape, 30.0, 10), np.random.default_rng(1)
+    frames = sim.counts(circuit, sim.fabric(circuit), force, rng) / circuit.full_scale
+    (said, *_) = notes([], frames, circuit)
+    assert "each reading is of its own cell alone" in said and "press hard" not in said
+
+
+def test_readings_at_the_top_may_be_those_of_another_supply():
+    """The divider's supply is half as much again as the ADC's reference."""
+    circuit, rng = Circuit(8, 8, r_par=120.0, adc_bits=12), np.random.default_rng(2)
+    force = sim.touches(circuit.shape, 40.0, 10, hard=(3, 45), hold=1.2, gap=0.4)
+    full = 1.5 * circuit.full_scale
+    frames = sim.counts(circuit, sim.fabric(circuit), force, rng, full=full) / circuit.full_scale
+    (found,) = diagnose(frames, circuit)
+    assert "are exactly 4095, an end of the range" in found.evidence
+    assert "or the supply" in found.evidence
 
 
 @pytest.mark.parametrize("shape", [ci((10, 12)), ci((8, 16)), (12, 5)])

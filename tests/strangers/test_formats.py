@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Formats that strangers' boards send: recognised without a word, and read by what was found."""
 
+import json
 from functools import cache
 
 import numpy as np
@@ -55,6 +56,79 @@ def test_a_text_format_is_recognised_and_read(name, known):
     tolerance = {"volts": 1.1, "millivolts": 0.15}.get(name, 0.0)
     start = next(k for k in range(4) if np.allclose(found[0], right[k], atol=tolerance))
     np.testing.assert_allclose(found, right[start : start + len(found)], atol=tolerance)
+
+
+def _joined(a) -> str:
+    return ",".join(map(str, a.ravel()))
+
+
+@pytest.mark.parametrize("front", ["$MAT,", ""])
+def test_a_checksum_behind_a_star_takes_no_reading_with_it(front):
+    """It is hexadecimal: some are numbers, some are not."""
+    right = pictures(60)
+    data = boards.sent(lambda a, k: f"{front}{_joined(a)}*{a.sum() % 256:02X}\r\n", right)
+    seen = recognise(data)
+    assert seen.sure and seen.cells == right[0].size, seen
+    np.testing.assert_array_equal(read(data, seen), right[1:])
+
+
+@pytest.mark.parametrize("mark", ["#", ";", "|"])
+def test_a_last_field_that_may_hold_a_reading_is_never_sure(mark):
+    data = boards.sent(lambda a, k: f"{_joined(a)}{mark}{a.sum() % 256:02X}\n", pictures())
+    seen = recognise(data)
+    assert not seen.sure and "may be a reading" in seen.about
+
+
+@pytest.mark.parametrize("rows", [False, True])
+@pytest.mark.parametrize("second", [1, 2])
+def test_arrays_under_two_keys_may_be_two_mats(rows, second):
+    """The second may be smaller."""
+
+    def two(a, k) -> str:
+        mats = {"a": a, "b": a[::-second]}
+        return json.dumps({n: (m if rows else m.ravel()).tolist() for n, m in mats.items()}) + "\n"
+
+    seen = recognise(boards.sent(two, pictures()))
+    assert not seen.sure and "of one mat, or of two?" in seen.about
+
+
+NO_NUMBERS = {
+    "decimal commas": lambda v: ";".join(f"{x / 100:.2f}".replace(".", ",") for x in v),
+    "decimal commas, blanks": lambda v: " ".join(f"{x / 100:.2f}".replace(".", ",") for x in v),
+    "decimal commas, commas": lambda v: ", ".join(f"{x / 100:.2f}".replace(".", ",") for x in v),
+    "bars": lambda v: "|".join(map(str, v)),
+    "hexadecimal": lambda v: " ".join(f"0x{x:X}" for x in v),
+}
+
+
+@pytest.mark.parametrize("kind", NO_NUMBERS)
+def test_what_is_no_line_of_numbers_is_shown_with_what_to_print(kind):
+    lines = [NO_NUMBERS[kind](a.ravel()).encode() for a in pictures()]
+    seen = recognise(b"\n".join(lines))
+    assert not seen.protocol
+    assert "print decimal numbers (no hexadecimal)" in seen.about
+    assert seen.sample == lines[1]
+
+
+@pytest.mark.parametrize("low", [15, 70])
+def test_a_quiet_last_cell_is_no_class(low):
+    """Nothing touches the skin, its cells move by a step, and the last reads less than most."""
+    rng = np.random.default_rng(3)
+    rest = np.append(low - 3, np.append(rng.integers(low, low + 60, 62), low))
+    still = (rest + rng.integers(0, 2, (40, 64))).reshape(40, 8, 8)
+    for name in ("json_line", "nested_json", "frame_a_line"):
+        assert recognise(boards.sent(boards.TEXT[name], still)).sure, name
+
+
+@pytest.mark.parametrize("zeros", [0, 20])
+@pytest.mark.parametrize("most", [2, 5, 12])
+def test_a_class_behind_is_never_sure_to_be_a_reading(zeros, most):
+    """Neither where cells read 0."""
+    rng = np.random.default_rng(3)
+    still = 60 + rng.integers(0, 2, (40, 1, 65)) + rng.integers(0, 60, 65)
+    still[:, 0, :zeros] = 0
+    still[:, 0, -1] = np.arange(40) // 6 % most
+    assert not recognise(boards.sent(boards.frame_a_line, still)).sure
 
 
 @pytest.mark.parametrize("name", boards.PACKETS)

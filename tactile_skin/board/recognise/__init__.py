@@ -12,8 +12,9 @@ from ..frame import Parser
 from ..packets import PacketParser
 from ..protocol import BinaryParser
 from ..text import VOLTS, TextParser
-from .lines import Seen, recognise_lines, shown
+from .lines import recognise_lines
 from .periods import recognise_packets
+from .seen import Seen, shown
 
 _MANY = 64  # bytes that are enough to tell text from noise
 _STRANGE = 0.05  # of a text's bytes are no text, at least, where the baud rate is wrong

@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..formats import Format
 from ..protocol import MAX_LINES
 from ..text import BEGINS, BLANKED, ENDS, LABEL, TextFormat, TextParser
+from .seen import Seen
 
 FEW = 4  # whole frames, at least, in a sample that makes sure
 _KINDS_SOUND = 0.9  # share of the blocks of lines that have the same size
@@ -41,45 +41,20 @@ _WORDS = re.compile(
     rb"(?P<rest>-?[\d.][^\s,;]* *[,;\t].*)$",
     re.DOTALL,
 )
+_CHECK = re.compile(rb"\*[ \t]*[0-9A-Fa-f]{1,8}[ \t]*$")  # as NMEA ends a line
 _LABELS = re.compile(rb"[\[{(\s]*" + LABEL.pattern)
+_COMMAS = re.compile(rb"(?:\d,\d+, +-?){3}")  # of fractions
+_GLUE = re.compile(rb"-?\d")
+_GLUED = "a number with signs at it, as in 12#3F, may be a reading: print separators between"
+_MATS = (
+    "the numbers stand in several arrays: of one mat, or of two? docs/formats.md says how two mats "
+    "on one board are entered"
+)
 _NUMBER = "\0"  # in a label: no board prints it in a line
 _INTEGER = re.compile(r"\d+")
 _NO_TEXT = re.compile("[^ -}]+")  # what differs from line to line, `~` in place of a time
 _NUMERIC = re.compile(rb"-?(?:\d+\.?\d*|\.\d+)|-|nan|NaN|NAN")
 _LINE_ENDS = (b"\n", b"\r", b"#", b">", b"]", b"}", b"|", b"$", b"!")
-_SHOWN = 60  # characters of a sample in a message
-
-
-@dataclass(frozen=True)
-class Seen:
-    """What a sample of a board's bytes is."""
-
-    protocol: str  # of formats.PROTOCOLS, where a description reads the sample; empty: none does
-    about: str  # what was seen, in words
-    sample: bytes  # the bytes of some frames
-    format: Format = None  # the description that reads it
-    shape: tuple[int, int] | None = None  # (rows, cols) where the bytes say it
-    cells: int = 0  # readings of a frame; 0: unknown
-    frames: int = 0  # that the description reads in the sample
-    sure: bool = False  # whether nothing else that is known here reads like this
-    # largest, step: of the readings: the largest number, and the least difference of two
-    largest: float = 0.0
-    step: float = 1.0
-    at_largest: int = 0  # readings that are this number
-    decimals: bool = False  # whether a decimal point is printed
-    adc_bits: int = 0  # width of the ADC, where the bytes say it
-    text: bool = False  # whether the bytes are text
-
-
-def shown(sample: bytes, text: bool, most: int = _SHOWN) -> str:
-    """Return a sample in one line, with what cannot be printed escaped."""
-    cut = sample[:most]
-    line = (
-        cut.decode("ascii", "backslashreplace").encode("unicode_escape").decode()
-        if text
-        else (cut[: most // 3].hex(" ").upper())
-    )
-    return line[:most] + ("..." if len(line) > most or len(sample) > len(cut) else "")
 
 
 @dataclass(frozen=True)
@@ -92,12 +67,14 @@ class _Line:
     values: tuple[float, ...]
     behind: int
     separator: str
+    check: str  # the description of a checksum behind; empty: there is none
     opens: bool
     closes: bool
+    doubt: str  # why the numbers may not be the readings of one mat; empty: nothing is known
 
     @property
     def kind(self) -> tuple:
-        return self.label, self.front, len(self.values), self.behind, self.separator
+        return self.label, self.front, len(self.values), self.behind, self.separator, self.check
 
 
 def _number(word: bytes) -> float:
@@ -105,11 +82,12 @@ def _number(word: bytes) -> float:
 
 
 def _take_apart(line: bytes) -> _Line | None:
-    """None where a line holds no number."""
+    """None where a line holds no number, or more that is none."""
     opens, closes = bool(BEGINS.match(line)), bool(ENDS.search(line))
     body = _TIME.sub(lambda time: b" ".join([b"~"] * len(time[0].split())), line.strip())
+    body, checks = _CHECK.subn(b"", body)
     marks = list(_LABELS.finditer(body))
-    label = b""
+    label, doubt = b"", ""
     if len(marks) >= 2:
         ends = [m.start() for m in marks[1:]] + [len(body)]
         pieces = [body[m.end() : end] for m, end in zip(marks, ends, strict=True)]
@@ -119,6 +97,7 @@ def _take_apart(line: bytes) -> _Line | None:
         k = sizes.index(usual)
         if framed and set(sizes[k + 1 :]) == {1}:
             pieces[k + 1 :] = [b"~," if b"," in pieces[k] else b"~"] * len(pieces[k + 1 :])
+        doubt = _MATS if framed and sum(size > 1 for size in sizes[k:]) > 1 else ""
         if k:
             joints = [b"~," if b"," in piece else b"~" for piece in pieces[:k]]
             label = b"".join(m.group() + j for m, j in zip(marks, joints, strict=False))
@@ -129,6 +108,8 @@ def _take_apart(line: bytes) -> _Line | None:
     text = label.decode("ascii", "replace")
     lead = tuple(float(n) for n in _INTEGER.findall(text))
     text = _INTEGER.sub(_NUMBER, _NO_TEXT.sub("{skip}", text))
+    if _COMMAS.search(body):
+        return None
     body = body.translate(BLANKED).strip()
     counts = {s: body.count(s) for s in (b",", b";", b"\t")}
     separator = max(counts, key=lambda mark: counts[mark]) if any(counts.values()) else b" "
@@ -140,10 +121,13 @@ def _take_apart(line: bytes) -> _Line | None:
         return None
     front = numeric.index(True)
     end = len(words) - numeric[::-1].index(True)
-    if not all(numeric[front:end]):
+    if not all(numeric[front:end]) or 2 * (end - front) < len(words):
         return None
-    values = tuple(_number(w) for w in words[front:end])
-    return _Line(text, lead, front, values, len(words) - end, separator.decode(), opens, closes)
+    values, check = tuple(_number(w) for w in words[front:end]), "*{skip}" * checks
+    around = words[:front] + words[end:]
+    doubt = doubt or (_GLUED if any(_GLUE.match(w) for w in around) else "")
+    behind, between = len(words) - end, separator.decode()
+    return _Line(text, lead, front, values, behind, between, check, opens, closes, doubt)
 
 
 # --- what a column of numbers does ---------------------------------------------------------------
@@ -203,12 +187,12 @@ def _roles(lead: np.ndarray, readings: int) -> tuple[list[str], int, tuple[int, 
 
 def _template(kind: tuple, lead: list[str], front: list[str], behind: int) -> str:
     """Return the description of a line; _NUMBER in its label stands for those of `lead`."""
-    label, skips, _, more, separator = kind
+    label, skips, _, more, separator, check = kind
     names = iter(lead)
     text = re.sub(_NUMBER, lambda _: f"{{{next(names)}}}", label)
     fields = ["{skip}"] * skips + [f"{{{name}}}" for name in front] + ["{values}"]
     fields += ["{skip}"] * (more + behind)
-    return f"{text} {separator.join(fields)}".strip()
+    return f"{text} {separator.join(fields)}{check}".strip()
 
 
 # --- the sample ----------------------------------------------------------------------------------
@@ -261,7 +245,7 @@ def recognise_lines(data: bytes, shape: tuple[int, int] | None = None) -> Seen:
     lines = [_take_apart(line) for line in raw]
     kinds = Counter(line.kind for line in lines if line)
     if not kinds:
-        return Seen("", _NO_NUMBERS, data, text=True)
+        return Seen("", _NO_NUMBERS, next(filter(bytes.strip, raw), data), text=True)
     kind = max(kinds, key=lambda each: (each[2] * kinds[each], each[2]))
     sample = b"".join(line + end for line in raw[: _SHOWN_LINES * len(raw) // kinds[kind]])
     decimals = any(
@@ -271,7 +255,10 @@ def recognise_lines(data: bytes, shape: tuple[int, int] | None = None) -> Seen:
     return _proved(replace(found, sample=sample, text=True), data, shape)
 
 
-_NO_NUMBERS = "text arrives, but no lines of numbers"
+_NO_NUMBERS = (
+    "text arrives, but no lines of numbers: print decimal numbers (no hexadecimal) with commas "
+    "between, and points in fractions"
+)
 _SINGLE = "a reading a line: print its number in front (of one column, give rows and cols)"
 
 
@@ -286,15 +273,17 @@ def _structure(lines, kind: tuple, end: bytes, shape: tuple[int, int] | None) ->
     cells = shape[0] * shape[1] if shape else 0
     behind, clear = (0, True) if size else _behind(values, cells)
     values = values[:, : values.shape[1] - behind]
-    width, sure = values.shape[1], sure and known and clear
+    doubt = next((line.doubt for line in chosen if line.doubt), "")
+    width, sure = values.shape[1], sure and known and clear and not doubt
     line = _template(kind, names[: lead.shape[1]], names[lead.shape[1] :], behind)
-    if not any((kind[0], kind[1], kind[3], front, behind)):
+    if not any((kind[0], kind[1], kind[3], kind[5], front, behind)):
         line = "{values}"
     fmt = TextFormat(line, end.decode(), first)
 
     def seen(about: str, shape=None, protocol="text", sure=sure) -> Seen:
         count = shape[0] * shape[1] if shape else width * (size[0] if size else 1)
         known = {"shape": shape, "cells": count, "sure": sure and count >= _FEWEST_CELLS}
+        about = f"{about}; {doubt}" if doubt else about
         return Seen(protocol, about, b"", fmt if protocol else None, **known, **_scale(values))
 
     if np.mean((values < 0.0).any(1)) >= _NEGATIVE:
@@ -324,7 +313,10 @@ def _structure(lines, kind: tuple, end: bytes, shape: tuple[int, int] | None) ->
         return seen(about, (period, width), "", sure=False)
     extra = " and ".join(
         f"{n} {where}"
-        for n, where in ((kind[1] + numbers.shape[1], "in front"), (behind + kind[3], "behind"))
+        for n, where in (
+            (kind[1] + numbers.shape[1], "in front"),
+            (behind + kind[3] + bool(kind[5]), "behind"),
+        )
         if n
     )
     about = f"a frame a line, {width} readings" + (f", {extra} that are none" if extra else "")
@@ -359,7 +351,9 @@ def _behind(values: np.ndarray, cells: int) -> tuple[int, bool]:
         return 0, True
     if _rises(last) or np.allclose(values[:, :-1].sum(1), last):
         return 1, len(values) > _RISING
-    if not _class(last) or np.median(values[:, :-1]) <= last.max():
+    others = np.median(values[:, :-1], axis=0)
+    least = max(others[others > 0.0].min(initial=np.inf), _CLASSES)  # a quiet cell is seldom it
+    if not _class(last) or min(np.median(others), least) <= last.max():
         return 0, True
     return int(sides(n - 1)[0] * sides(n)[1] > sides(n)[0] * sides(n - 1)[1]), False
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 
 from ..serial_port import PORT_ERRORS, why_not
 from . import recognise
-from .lines import Seen
+from .seen import Seen
 
 BAUDS = (115_200, 1_000_000, 9_600, 500_000, 57_600, 250_000, 230_400, 921_600, 2_000_000, 38_400)
 # What makes boards answer that send nothing by themselves, in the order in which they are tried.

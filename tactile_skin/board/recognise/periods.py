@@ -13,7 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from ..packets import CHECKS, WORDS, PacketFormat, PacketParser, check_of
-from .lines import Seen, sides
+from .lines import sides
+from .seen import Seen
 
 _REPEATS = 6  # packets, at least, in a sample
 _LONGEST = 8192 + 64  # bytes of a packet: 64 x 64 words, and what is round them

@@ -30,7 +30,7 @@ def processed(seen: Recorded) -> Finding | None:
 
 
 def at_an_end(seen: Recorded) -> Finding | None:
-    """Return that an offset or a threshold was taken off; None: it was not."""
+    """Return that readings stay at an end, as of an offset or a limit; None: they do not."""
     steps = np.rint(seen.steps[:, seen.cells])
     for end in (0.0, float(seen.circuit.full_scale)):
         at_end = steps == end

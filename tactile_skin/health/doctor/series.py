@@ -23,6 +23,11 @@ _HELD = 15  # frames about its peak within which a touch is looked for
 # Share by which r_par must be off, as what all touches share is not in their scatter: light ones
 # make it seem larger by 0 to 5 % on 50 sound boards, where it is known to 1.5 % (seed 144000).
 _SERIES = 0.075
+# Standard deviation, as share of `series_scale`, up to which one that is off by half is `SURE` to
+# be found: 0.17 and more where an r_ref that is 3 to 10 times too high was not named, 0.1 and less
+# on sound boards with enough touches (12 boards of 8 x 8 and 12 x 10 cells, 3 to 45 N).
+_KNOWN = 0.1
+_DRIVE_KNOWN = 4.0  # ohm, the same of r_drive
 # Ohm by which r_drive must be off: 3.4 at most on 16 boards (seeds 94000 and 94100).
 _DRIVE = 5.0
 
@@ -34,24 +39,14 @@ def in_series(seen: Recorded, skip, noisy, wires: wiring.Wires) -> list[Finding]
         skip: (axis, line) of lines whose readings are not used, nor are those of
         noisy: (row, column) of cells.
     """
-    circuit, full = seen.circuit, seen.circuit.full_scale
-    if not len(seen.peaks):
-        return []
-    unknown = ~seen.read
+    circuit, unknown = seen.circuit, ~seen.read
     for axis, line in skip:
         seen.turned(axis, unknown)[line] = True
     for at in noisy:
         unknown[at] = True
     sound = replace(wires, lead=[np.zeros(n) for n in circuit.shape])
-    adc = np.where(unknown, circuit.ratio(sound.resistance()), seen.base / full)
-    touches = touches_of(seen)
-    noise, quiet = seen.usual_noise, int(np.count_nonzero(seen.quiet))
-    try:
-        rest = Rest(adc, noise, quiet, resting_conductance(adc, circuit, noise / quiet**0.5))
-        found = identify(np.where(unknown, np.nan, touches), circuit, rest, soft=True)
-    except ValueError:
-        return []
-    if found.frames < FEW_TOUCHES:
+    found = identified(seen, unknown, circuit.ratio(sound.resistance()))
+    if found is None or found.frames < FEW_TOUCHES:
         return []
     least = {"r_par": _SERIES * series_scale(circuit)}
     if circuit.readout_class.knows_r_drive:
@@ -59,6 +54,34 @@ def in_series(seen: Recorded, skip, noisy, wires: wiring.Wires) -> list[Finding]
     off = {name: abs(getattr(found.circuit, name) - getattr(circuit, name)) for name in least}
     said = [name for name in least if off[name] > max(least[name], SURE * found.std[name])]
     return [_finding(name, circuit, found) for name in said]
+
+
+def identified(seen: Recorded, unknown: np.ndarray, supposed: np.ndarray) -> Identified | None:
+    """Return by the touches what lies in series; None: no touch, or no skin reads so.
+
+    Args:
+        unknown: (rows, cols) whether the readings there are not used.
+        supposed: (rows, cols) ADC ratio that is taken for theirs at rest.
+    """
+    if not len(seen.peaks):
+        return None
+    circuit, noise, quiet = seen.circuit, seen.usual_noise, int(np.count_nonzero(seen.quiet))
+    adc = np.where(unknown, supposed, seen.base / circuit.full_scale)
+    try:
+        rest = Rest(adc, noise, quiet, resting_conductance(adc, circuit, noise / quiet**0.5))
+        return identify(np.where(unknown, np.nan, touches_of(seen)), circuit, rest, soft=True)
+    except ValueError:
+        return None
+
+
+def shows(seen: Recorded, name: str) -> bool:
+    """Whether touches, where nothing was found, would show a wrong r_par, or r_drive."""
+    usual = np.full(seen.circuit.shape, np.median(seen.ratio[:, seen.cells]))
+    found = identified(seen, ~seen.read, usual)
+    if found is None or found.frames < FEW_TOUCHES:
+        return False
+    most = _KNOWN * series_scale(seen.circuit) if name == "r_par" else _DRIVE_KNOWN
+    return found.std[name] <= most
 
 
 def _finding(name: str, supposed: Circuit, found: Identified) -> Finding:
