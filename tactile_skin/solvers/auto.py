@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from .estimate import Estimate
+from .estimate import Estimate, where_unread
 from .fixed_point import fixed_point
 from .map import map_estimate
 from .newton import EXACT, newton
@@ -53,6 +53,10 @@ def _idle_estimate(reading: Reading, rest: np.ndarray) -> Estimate | None:
     if max(misfit.max(), -misfit.min()) > most or (reading.noise and by_residual(reading, rest)):
         return None
     idle = _idle(reading.circuit, reading.curve, reading.noise)
+    if not reading.all_cells_read:
+        g = reading.bounds[0] * reading.circuit.populated
+        model = reading.linearised(g, reading.fitted_noise)
+        idle = replace(idle, std=where_unread(reading, model, idle.force, idle.std))
     return replace(idle, residual=reading.rms(misfit))
 
 

@@ -21,7 +21,7 @@ from ..physics.readouts import BOUND
 from . import prior as prior_terms
 from . import suspect
 from .aside import without_bad_contacts
-from .estimate import Estimate, spread
+from .estimate import Estimate, spread, where_unread
 from .fixed_point import START_STEPS, fill, first_guess, iterate, last_guess
 from .prior import NormalEquations, Point
 from .reading import NEAR_REST, OUTLIER, ROUNDING_NOISE, SCAN_NOISE, Reading, noise_at_rest
@@ -195,7 +195,7 @@ def _forces(
     if reading.topped.any():  # up to the curve's end all is as likely
         more = np.maximum(reading.curve.max_force - force, 0.0) / 3**0.5
         std = np.where(reading.topped, np.maximum(std, more), std)
-    return force, std, adc
+    return force, where_unread(reading, point.model, force, std, step.equations), adc
 
 
 def _converge(

@@ -84,6 +84,22 @@ def test_a_mask_and_missing_readings(kind):
     assert found.force.sum() == pytest.approx(force.sum(), rel=0.1)
 
 
+@pytest.mark.parametrize("newtons", [0.0, 2.0])
+@pytest.mark.parametrize("kind", [("loaded", "rows"), ("virtual_ground", "rows")], ids="-".join)
+def test_a_cell_that_is_not_read_has_a_large_standard_deviation(kind, newtons):
+    """Though it is held at rest: there log g says nothing of newtons."""
+    circuit = skin(kind, r_par=0.0)
+    force = newtons * (scenes.finger(8, 10, 2.0, 2.0, 1.0) > 0.05)
+    force[6, 8] = 5.0
+    adc = forward(circuit, CURVE.resistance(force))
+    adc[6, 8] = np.nan
+    found = compensate(adc, circuit, CURVE, missing=True, noise=SCAN_NOISE)
+    assert found.status == "ok"
+    assert found.std[6, 8] > 0.2
+    if not circuit.has_cross_talk:  # nothing is known of it
+        assert abs(found.force[6, 8] - 5.0) < found.std[6, 8]
+
+
 @pytest.mark.parametrize("kind", [*KINDS, *HELD], ids="-".join)
 def test_an_untouched_skin_rests_and_a_stream_goes_on(kind):
     circuit, rng = skin(kind), np.random.default_rng(5)
