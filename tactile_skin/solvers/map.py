@@ -192,9 +192,13 @@ def _forces(
     std = spread(reading.curve, log_g, np.minimum(std_x, 10.0))
     if circuit.mask is not None:
         force, std = force * circuit.mask, std * circuit.mask
-    if reading.topped.any():  # up to the curve's end all is as likely
-        more = np.maximum(reading.curve.max_force - force, 0.0) / 3**0.5
-        std = np.where(reading.topped, np.maximum(std, more), std)
+    most = circuit.ratio(0.0) * circuit.full_scale - 1.0
+    any_force = reading.known & circuit.populated & (reading.steps >= most)  # reads so, or nearly
+    at_end = reading.topped | any_force
+    if at_end.any():  # up to the curve's end all is as likely
+        end = reading.curve.max_force
+        more = np.maximum(end - force, np.where(any_force, 0.5 * end, 0.0)) / 3**0.5
+        std = np.where(at_end, np.maximum(std, more), std)
     return force, where_unread(reading, point.model, force, std, step.equations), adc
 
 
