@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from .estimate import Estimate
+from .estimate import Estimate, where_unread
 from .fixed_point import fixed_point
 from .map import map_estimate
 from .newton import EXACT, newton
@@ -25,7 +25,8 @@ def auto(reading: Reading, start: Estimate | None = None, hurry: bool = False) -
 
     `map` sizes itself: its unknowns are the touched cells alone, and it stops at the noise. In a
     hurry, `fixed_point` stands for both: it takes a tenth of the time of a fit under a palm, errs
-    by twice as much, and says nothing of the circuit.
+    by twice as much, and says nothing of the circuit. Where two pictures may explain a frame, only
+    `map` says so.
     """
     circuit, curve = reading.circuit, reading.curve
     rest = rest_reading(circuit, curve)
@@ -34,6 +35,8 @@ def auto(reading: Reading, start: Estimate | None = None, hurry: bool = False) -
         quiet = reading.with_noise(robust_std(np.abs(reading.misfit(rest))))
     if (idle := _idle_estimate(quiet, rest)) is not None:
         return idle
+    if reading.may_fit_two:
+        return map_estimate(reading, start)
     if hurry and reading.all_cells_read:
         return fixed_point(reading)
     if reading.noise == 0.0 and reading.all_cells_read:
@@ -50,6 +53,10 @@ def _idle_estimate(reading: Reading, rest: np.ndarray) -> Estimate | None:
     if max(misfit.max(), -misfit.min()) > most or (reading.noise and by_residual(reading, rest)):
         return None
     idle = _idle(reading.circuit, reading.curve, reading.noise)
+    if not reading.all_cells_read:
+        g = reading.bounds[0] * reading.circuit.populated
+        model = reading.linearised(g, reading.fitted_noise)
+        idle = replace(idle, std=where_unread(reading, model, idle.force, idle.std))
     return replace(idle, residual=reading.rms(misfit))
 
 

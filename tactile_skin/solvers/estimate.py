@@ -112,3 +112,33 @@ def spread(curve, log_g: np.ndarray, std_x: np.ndarray) -> np.ndarray:
     """(rows, cols) standard deviation of forces [N] by that of their cells' log conductance."""
     ends = curve.force_at(_SIGNS * std_x + log_g)  # both at once: half the time
     return 0.5 * (ends[0] - ends[1])
+
+
+def where_unread(reading, model, force: np.ndarray, std: np.ndarray, equations=None) -> np.ndarray:
+    """Return std [N] that is as large for cells that were not read as other readings leave it.
+
+    Near rest log g says nothing of that: many times the conductance at rest is a light touch. Such
+    a cell may conduct 1 / sqrt(information) more, by all readings, past what the other unknowns of
+    a fit can take of it. Where they say nothing all forces are as likely.
+
+    Args:
+        model: the `Linearised` of the reading there.
+        equations: `prior.NormalEquations` of the fit; None: all cells are at rest, or too many.
+    """
+    circuit, curve = reading.circuit, reading.curve
+    unread = circuit.populated & ~(reading.known | reading.capped | reading.topped)
+    cells, readings = (np.flatnonzero(a).astype(np.int32) for a in (unread, model.weight))
+    if not cells.size:
+        return std
+    jacobian = model.jacobian(readings, cells).astype(float)
+    if equations is not None:
+        touched = equations.unknowns[~unread.flat[equations.unknowns]]
+        taken = model.jacobian(readings, touched) * model.g.flat[touched]
+        taken = np.concatenate([taken, np.eye(touched.size)])  # their log g is known to 1
+        jacobian = np.concatenate([jacobian, np.zeros((touched.size, cells.size))])
+        jacobian -= taken @ np.linalg.lstsq(taken, jacobian, rcond=None)[0]
+    more = np.zeros(unread.shape)
+    more.flat[cells] = 1.0 / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-9)
+    harder = curve.force(1.0 / np.where(unread, model.g + more, 1.0)) - force
+    left = (curve.max_force - force) / 3**0.5
+    return np.where(unread, np.maximum(std, np.minimum(harder, left)), std)

@@ -21,7 +21,7 @@ from ..physics.readouts import BOUND
 from . import prior as prior_terms
 from . import suspect
 from .aside import without_bad_contacts
-from .estimate import Estimate, spread
+from .estimate import Estimate, spread, where_unread
 from .fixed_point import START_STEPS, fill, first_guess, iterate, last_guess
 from .prior import NormalEquations, Point
 from .reading import NEAR_REST, OUTLIER, ROUNDING_NOISE, SCAN_NOISE, Reading, noise_at_rest
@@ -37,6 +37,7 @@ _MOST_JOIN = 40  # cells that join in one step: of more, most would be found at 
 _DENSE = 600  # unknowns up to which a Cholesky factor is faster than conjugate gradients
 _MEMORY = 4  # last costs, of which a step must not exceed the largest: a bound met costs at first
 _UNCHANGED = 2.2  # standard deviations of chi^2 up to which a frame is that of the same load
+_ANOTHER = 1.3  # times the force of a lighter picture from which on a heavier one is another
 _WIDEN = 1.2  # what the measured coverage requires; not of loads on all cells
 # Noise that is measured in the frame (docs/derivation.md).
 _MAX_FITS = 6  # that may be made
@@ -48,13 +49,16 @@ def map_estimate(reading: Reading, start: Estimate | None = None) -> Estimate:
     """Most probable force, from `start` or from a few steps of the fixed point.
 
     A start may lead to a bad local fit, so a suspect frame is solved again without it. What is
-    doubted once the time is over, more time might explain.
+    doubted once the time is over, more time might explain. Where two pictures may explain a frame,
+    both are sought, each from a start of its own.
     """
     reading, warm = reading.above_cut_off(), start is not None
     g = first_guess(reading) if start is None else last_guess(reading, start)
     same = None if start is None else _unchanged(reading, start, g)
     if same is not None:
         return same
+    if reading.may_fit_two:
+        g, warm = first_guess(reading), False
     estimate = _fit(reading, g, warm)
     if warm and estimate.status != "ok" and not reading.late():
         again = _fit(reading, first_guess(reading))
@@ -64,10 +68,36 @@ def map_estimate(reading: Reading, start: Estimate | None = None) -> Estimate:
         if not reading.noise_given:
             reading = replace(reading, noise=float(estimate.noise))
         estimate = without_bad_contacts(reading, partial(_fit, warm=True), estimate) or estimate
+    if reading.may_fit_two and estimate.status == "ok":
+        return _unless_another(reading, estimate)
     if estimate.status != "suspect" or not reading.late() or suspect.by_reading(reading):
         return estimate
     finding = Finding(Kind.MISFIT, "late")
     return replace(estimate, message=str(finding), finding=finding)
+
+
+def _unless_another(reading: Reading, estimate: Estimate) -> Estimate:
+    """Return an estimate, or the heavier of two that explain the frame alike, which is suspect.
+
+    The other one is sought from the hardest load on all cells.
+    """
+    n, noise = reading.n_informative, max(float(estimate.noise), ROUNDING_NOISE)
+    known = replace(reading, noise=float(estimate.noise), noise_given=True)
+    other = _fit(known, reading.circuit.populated * reading.bounds[1])
+    if reading.late():
+        message = suspect.no_convergence(reading, int(estimate.iterations))
+        return replace(estimate, status="failed", message=message)
+    light, heavy = sorted((estimate, other), key=lambda found: float(found.force.sum()))
+    least, most = float(light.force.sum()), float(heavy.force.sum())
+    worse = n * (other.residual**2 - estimate.residual**2) / noise**2  # of chi^2
+    if (
+        other.status != "ok"
+        or most < _ANOTHER * least
+        or worse > suspect.CHI2_LIMIT * (2.0 * n) ** 0.5
+    ):
+        return estimate
+    finding = Finding(Kind.MISFIT, "two pictures", numbers={"least": least, "most": most})
+    return replace(heavy, status="suspect", message=str(finding), finding=finding)
 
 
 def _unchanged(reading: Reading, start: Estimate, g: np.ndarray) -> Estimate | None:
@@ -162,10 +192,14 @@ def _forces(
     std = spread(reading.curve, log_g, np.minimum(std_x, 10.0))
     if circuit.mask is not None:
         force, std = force * circuit.mask, std * circuit.mask
-    if reading.topped.any():  # up to the curve's end all is as likely
-        more = np.maximum(reading.curve.max_force - force, 0.0) / 3**0.5
-        std = np.where(reading.topped, np.maximum(std, more), std)
-    return force, std, adc
+    most = circuit.ratio(0.0) * circuit.full_scale - 1.0
+    any_force = reading.known & circuit.populated & (reading.steps >= most)  # reads so, or nearly
+    at_end = reading.topped | any_force
+    if at_end.any():  # up to the curve's end all is as likely
+        end = reading.curve.max_force
+        more = np.maximum(end - force, np.where(any_force, 0.5 * end, 0.0)) / 3**0.5
+        std = np.where(at_end, np.maximum(std, more), std)
+    return force, where_unread(reading, point.model, force, std, step.equations), adc
 
 
 def _converge(

@@ -94,6 +94,14 @@ class Reading:
         return int(np.count_nonzero(self.known | self.capped | self.topped))
 
     @property
+    def may_fit_two(self) -> bool:
+        """Whether a light and a hard load may read alike: drivers yield, and a reading is missing.
+
+        All readings of a sense line together say how far the drivers yield.
+        """
+        return self.circuit.r_drive > 0.0 and self.n_informative < self.known.size
+
+    @property
     def fitted_noise(self) -> float:
         """RMS noise [ADC steps] that a least-squares fit assumes: that of rounding at least."""
         return max(self.noise, ROUNDING_NOISE)

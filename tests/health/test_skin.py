@@ -15,6 +15,15 @@ FRAME = 0.01  # s
 PUSH = scenes.finger(8, 8, 3.3, 4.1, 20.0, 1.2)  # N
 
 
+GIVEN = {
+    "r_par_std": None,
+    "follows": True,
+    "noise": None,
+    "threshold": 0.0,
+    "time_limit": 60.0,
+}
+
+
 class Board:
     """One whose cells rest 3 % apart, and a skin that reads it."""
 
@@ -22,13 +31,7 @@ class Board:
         self.curve = curve
         self.rng, self.t, self.warnings = np.random.default_rng(40), 0.0, []
         self.rest = np.exp(0.03 * self.rng.standard_normal(CIRCUIT.shape))
-        given = {
-            "r_par_std": None,
-            "follows": True,
-            "noise": None,
-            "threshold": 0.0,
-            "time_limit": 60.0,
-        } | given
+        given = GIVEN | given
         self.skin = Skin(
             Adc(CIRCUIT), curve, Creep(), weights=None, warn=self.warnings.append, **given
         )
@@ -179,3 +182,14 @@ def test_a_sound_fabric_whose_cells_read_alike_does_not_wait_for_ever():
     board.feel(NOTHING, 150)
     assert "Is the matrix connected?" in str(board.skin.findings()[0]) and not board.skin.fault
     assert board.feel(PUSH, 5).sum() == pytest.approx(PUSH.sum(), rel=0.1)
+
+
+@pytest.mark.parametrize(("r_ref", "warns"), [(1780.0, False), (200e3, True)])
+def test_it_warns_of_readings_that_read_like_a_short_circuit_under_any_force(r_ref, warns):
+    circuit = Circuit(8, 8, r_ref=r_ref, adc_bits=8)
+    skin = Skin(Adc(circuit), CURVE, Creep(), weights=None, warn=print, **GIVEN)
+    skin.use("auto")
+    force = scenes.finger(8, 8, 4.0, 3.0, 9.0)
+    adc = forward(circuit, CURVE.resistance(force))
+    skin.frame(0.0, np.rint(255 * adc).astype(np.uint16) << 8)
+    assert any(found.form == "range" for found in skin.findings()) == warns

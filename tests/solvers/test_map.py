@@ -348,3 +348,19 @@ def test_an_even_load_on_all_cells_is_no_fault(readout, scatter):
     frames = [scan(even(rng, scatter), rng, circuit) for _ in range(40)]
     found = compensate(np.array(frames), circuit, CURVE, "map", noise=SCAN_NOISE)
     assert np.count_nonzero(found.status != "ok") <= 2
+
+
+@pytest.mark.parametrize("readout", ["floating", "loaded"])
+def test_readings_a_step_from_a_short_circuit_leave_any_force(readout):
+    """With an r_ref that is far too large for the fabric."""
+    circuit = Circuit(8, 8, r_ref=200e3, r_par=100.0, adc_bits=8, readout=readout)
+    rng, curve = np.random.default_rng(4), PressureCurve()
+    pressed = np.zeros(circuit.shape, bool)
+    pressed[2:6, 2:6] = True
+    force = pressed * rng.uniform(5.0, 9.8, circuit.shape)
+    steps = forward(circuit, curve.resistance(force)) * 255 + rng.normal(0.0, 0.3, force.shape)
+    adc = np.rint(steps).clip(0, 255) / 255
+    found = compensate(adc, circuit, curve, noise=0.42)
+    at_end = pressed & (adc >= circuit.ratio(0.0) - 1.0 / 255)
+    assert np.count_nonzero(at_end) >= 8
+    assert (np.abs(found.force - force) < 3.0 * found.std)[at_end].all()

@@ -84,6 +84,22 @@ def test_a_mask_and_missing_readings(kind):
     assert found.force.sum() == pytest.approx(force.sum(), rel=0.1)
 
 
+@pytest.mark.parametrize("newtons", [0.0, 2.0])
+@pytest.mark.parametrize("kind", [("loaded", "rows"), ("virtual_ground", "rows")], ids="-".join)
+def test_a_cell_that_is_not_read_has_a_large_standard_deviation(kind, newtons):
+    """Though it is held at rest: there log g says nothing of newtons."""
+    circuit = skin(kind, r_par=0.0)
+    force = newtons * (scenes.finger(8, 10, 2.0, 2.0, 1.0) > 0.05)
+    force[6, 8] = 5.0
+    adc = forward(circuit, CURVE.resistance(force))
+    adc[6, 8] = np.nan
+    found = compensate(adc, circuit, CURVE, missing=True, noise=SCAN_NOISE)
+    assert found.status == "ok"
+    assert found.std[6, 8] > 0.2
+    if not circuit.has_cross_talk:  # nothing is known of it
+        assert abs(found.force[6, 8] - 5.0) < found.std[6, 8]
+
+
 @pytest.mark.parametrize("kind", [*KINDS, *HELD], ids="-".join)
 def test_an_untouched_skin_rests_and_a_stream_goes_on(kind):
     circuit, rng = skin(kind), np.random.default_rng(5)
@@ -153,6 +169,34 @@ def test_newton_believes_hard_loads_on_a_grounded_matrix(kind, family):
     found = compensate(adc, circuit, CURVE, "newton", noise=SCAN_NOISE)
     assert (found.status == "ok").all()
     assert found.residual.max() < 2.0 * SCAN_NOISE
+
+
+@pytest.mark.parametrize("noise", [SCAN_NOISE, 0.0])
+@pytest.mark.parametrize("hurry", [False, True])
+@pytest.mark.parametrize("kind", HELD, ids="-".join)
+def test_a_hard_load_that_reads_as_a_light_one_does_is_suspect(kind, hurry, noise):
+    """Unless the crossings without a cell were read."""
+    rng = np.random.default_rng(8)
+    mask = rng.random((8, 8)) < 0.8
+    circuit = Circuit(
+        8, 8, r_ref=4700.0, r_par=0.0, readout="grounded", driven=kind[1], r_drive=25.0, mask=mask
+    )
+    given = {"hurry": hurry, "noise": noise}
+    last = None
+    for newtons in (0.2, 5.0, 5.0, 5.0):
+        force = newtons * rng.uniform(0.7, 1.3, circuit.shape) * mask
+        force *= newtons > 1.0 or scenes.finger(8, 8, 4.0, 3.0, 1.0) > 0.05
+        adc = forward(circuit, CURVE.resistance(force))
+        adc += noise * rng.standard_normal(adc.shape) / 1023.0
+        adc = adc.clip(0.0, 1.0)
+        found = compensate(np.where(mask, adc, np.nan), circuit, CURVE, start=last, **given)
+        assert (found.status == "ok") == (newtons < 1.0), found.message
+        assert found.force.sum() > 0.8 * force.sum()
+        last = found
+        assert newtons < 1.0 or "those without a cell" in found.message
+        read = compensate(adc, circuit, CURVE, noise=noise)
+        assert read.status == "ok"
+        assert read.force.sum() == pytest.approx(force.sum(), rel=0.15)
 
 
 @pytest.mark.parametrize("method", ["fixed_point", "newton", "map"])
