@@ -108,6 +108,11 @@ MECHANISMS = (
         (f"{_SOLVE}/aside.py",),
         (Result("solvers.map:without_bad_contacts", lambda found, *_: None),), True,
     ),
+    Mechanism(
+        "two pictures", "a light and a hard load that read alike behind real drivers",
+        (f"{_SOLVE}/map.py:_unless_another",),
+        (Result("solvers.map:_unless_another", lambda found, reading, estimate: estimate),), True,
+    ),
     # --- of the stream: readings and circuit ---
     Mechanism(
         "doubt.lasting", "a fault at rest goes on under a touch",
@@ -126,6 +131,11 @@ MECHANISMS = (
         "contacts", "one reading is left out again and again",
         (),
         (_finds("health.odd_cells:OddCells.findings", "set aside"),),
+    ),
+    Mechanism(
+        "loose lines", "a line opens again and again",
+        (f"{_HEALTH}/loose_lines.py",),
+        (_finds("health.loose_lines:LooseLines.findings", "returns"),),
     ),
     Mechanism(
         "untouched.line", "a line at rest reads as another one did",

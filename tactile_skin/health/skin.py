@@ -165,7 +165,7 @@ class Skin:
         self.residual, self.force = float(estimate.residual), float(estimate.force.max())
         self.std = estimate.std
         at_end = self._adc.bounds(adc) & (adc >= self._adc.range[1])
-        at_end |= adc >= self.circuit.ratio(0.0) - self._adc.share(1.0)  # whatever presses there
+        at_end |= adc >= self.circuit.near_short
         self._ended = int(np.count_nonzero(at_end))
         force = None
         if estimate.status != "failed":

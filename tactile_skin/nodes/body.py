@@ -130,9 +130,10 @@ class Body:
         t = now(self.node)
         self._bases[name] = seconds(msg.header)
         self._ages[name] = t - self._bases[name]
-        values = {pair.key: pair.value for pair in msg.status[0].values}
-        self.stop.touched(name, self._bases[name], float(values[COUNTS_AS]))
         self.stop.hear(t, name, stop_message_of(msg, t), self._bases[name])
+        values = {pair.key: pair.value for pair in msg.status[0].values}
+        if COUNTS_AS in values:  # a stop of one's own may only say that it stops
+            self.stop.touched(name, self._bases[name], float(values[COUNTS_AS]))
         self._decide(t, always=False)
 
     def on_wrench(self, name: str, msg: WrenchStamped) -> None:

@@ -181,6 +181,11 @@ class Circuit:
         """Two-terminal resistance [ohm] -> ADC ratio in [0, 1] (voltage divider, or amplifier)."""
         return self.readout_class.ratio(self, rho)
 
+    @property
+    def near_short(self) -> float:
+        """ADC ratio a step below that of a short circuit: what reads more may bear any force."""
+        return float(self.ratio(0.0)) - 1.0 / self.full_scale
+
     def two_terminal(self, adc: Floats) -> Floats:
         """ADC ratio -> two-terminal resistance [ohm], the inverse of `ratio`; never negative.
 

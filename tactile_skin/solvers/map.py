@@ -192,8 +192,7 @@ def _forces(
     std = spread(reading.curve, log_g, np.minimum(std_x, 10.0))
     if circuit.mask is not None:
         force, std = force * circuit.mask, std * circuit.mask
-    most = circuit.ratio(0.0) * circuit.full_scale - 1.0
-    any_force = reading.known & circuit.populated & (reading.steps >= most)  # reads so, or nearly
+    any_force = reading.known & circuit.populated & (reading.adc >= circuit.near_short)
     at_end = reading.topped | any_force
     if at_end.any():  # up to the curve's end all is as likely
         end = reading.curve.max_force

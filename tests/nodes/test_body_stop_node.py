@@ -11,7 +11,7 @@ from tactile_skin.msg import (
     PointCloud2,
     cloud_of,
 )
-from tactile_skin.nodes import diagnostics
+from tactile_skin.nodes import diagnostics, now
 from tactile_skin.nodes.body import Body
 from tactile_skin.nodes.gesture_feature import CONTACT
 from tactile_skin.nodes.stop_on_push import STATUS, STATUS_TOPIC, StopOnPush
@@ -70,3 +70,11 @@ def test_a_push_on_two_skins_counts_as_what_it_may_be(unknown, reason):
     assert skins.reason == reason
     skins.lies_on_both(0.0, 0.0)
     assert skins.reason == ""
+
+
+def test_a_skin_whose_stop_says_no_more_than_that_it_stops_stops_the_body():
+    skins = TwoSkins(0.0)
+    skins.lies_on_both(0.0, 0.0)
+    halt = DiagnosticStatus(diagnostics.ERROR, "stop of one's own", "halt", "", [])
+    skins.body.on_status("chest", DiagnosticArray(skins.header(), [halt]))
+    assert skins.body.stop.decide(now(skins.body.node)).reason == "chest: halt"
