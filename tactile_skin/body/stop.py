@@ -89,7 +89,7 @@ class BodyStop:
         return bool(self._push) and (t <= self._held_until or pressed)
 
     def _touched(self, t: float) -> dict[str, float]:
-        """Skins that are touched -> force [N]; one that is no number counts in its own stop."""
+        """Return the skins that are touched -> force [N]; NaN is left to the skin's own stop."""
         return {
             name: f for name, (when, f) in self._forces.items() if t - when <= _OLDEST and f > 0
         }

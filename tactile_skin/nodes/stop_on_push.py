@@ -160,7 +160,7 @@ class StopOnPush:
         self._force = self._most = 0.0
         self._pressure: tuple[Time | None, np.ndarray] = None, np.zeros((1, 1))  # stamp, picture
         self._simulated = False  # the driver says that its board is
-        self._supposed = self._curve == PressureCurve()  # what the newtons are is yet to be said
+        self._supposed = self._curve == PressureCurve()  # nobody was warned of it yet
         node.on_set_parameters(self.on_parameters)
         if self._circuit.readout_class.loads_lower:  # else the number of cells says it
             node.create_subscription(Image, "skin/pressure", self.on_pressure, READING)

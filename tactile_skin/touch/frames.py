@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-# s that a transform may be older than what it is used for, since an arm moves on; or newer: one of
-# before the clock was set back would last
+# s by which the stamps of a transform and of a touch may differ: an arm moves on, and a stamp from
+# before the clock was set back would stay valid
 _OLDEST = 0.5
 
 

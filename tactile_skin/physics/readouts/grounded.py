@@ -133,8 +133,8 @@ def _within_bounds(circuit: Circuit, adc: Floats, bounds: Pair) -> Floats:
 def _left(circuit: Circuit, v: Floats, free: Bools) -> Floats:
     """Return 1 - sum v of each sense line over its free cells.
 
-    Without a cell v is noise of ideal drivers, of others what they let the driven lines leave: it
-    belongs to the sum, without which cells of a tenth of the load would read alike.
+    Where there is no cell, v is noise if the drivers are ideal, and is left out. Drivers that yield
+    put a voltage there, which belongs to the sum: cells of a tenth of the load would fit without.
     """
     counted = free | ~circuit.populated if circuit.r_drive else free
     left: Floats = 1.0 - (v * counted).sum(circuit.sense_axis, keepdims=True)
