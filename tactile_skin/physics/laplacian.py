@@ -248,10 +248,3 @@ def transfer_resistance(network: Network) -> Floats:
     rows = len(network.rho)
     a, c, d = network.k[:rows, :rows], network.k[:rows, rows:], network.k[rows:, rows:]
     return a[:, None, :, None] + d[None, :, None, :] - c[:, None, None, :] - c.T[None, :, :, None]
-
-
-def crossing_factor(network: Network) -> Floats32:
-    """V (rows * cols, lines) with t_ab = v_a . v_b: the transfer resistance of two crossings."""
-    rows, _ = network.rho.shape
-    root = network.root.astype(np.float32)
-    return (root[:rows, None] - root[None, rows:]).reshape(-1, len(root))

@@ -34,6 +34,8 @@ _ROUNDS = 2  # in which the unknowns of a step are found
 # another measure than ADC steps. 2 in 1,000 exceed 2, 1 in 10,000 exceeds 2.5.
 _SLACK = 2.2
 _DENSE = 400  # unknowns up to which a Cholesky factor is faster than conjugate gradients
+# Share of its diagonal by which a matrix that is singular to single precision is made regular:
+_RIDGE = 1e-5  # near a bound of the curve's range
 _PAST = 0.1  # of its slope at the begin of a step, that phi may fall with at the end
 
 
@@ -164,33 +166,22 @@ def _step_solver(reading: Reading, network, g: np.ndarray, free: np.ndarray):
     """Return a function that solves (- d rho_a / d g_b) x = b over the free cells.
 
     It does so to single precision. Of two-terminal readings that is (t_ab^2), which scaled by
-    sqrt(g) on both sides has a diagonal (g rho)^2 <= 1.
+    sqrt(g) on both sides has a diagonal (g rho)^2 <= 1. That of others is scaled by rho and by g.
     """
-    if not reading.circuit.readout_class.two_terminal:
-        return _unsymmetric_solver(reading, network, g, free)
-    network = network.inverse
-    scale = np.sqrt(g.flat[free]).astype(np.float32)
-    if free.size > _DENSE:
-        return laplacian.hessian_solver(network, g, free)
-    v = laplacian.crossing_factor(network)[free]
-    v *= np.sqrt(scale)[:, None]
-    squared = np.square(v @ v.T)
-    factor, info = lapack.spotrf(squared.T, lower=0, overwrite_a=True, clean=0)
-    if info:  # singular to single precision: near a bound of the curve's range
-        squared = np.square((v @ v.T).astype(float))
-        squared.flat[:: free.size + 1] *= 1.0 + 1e-5
-        factor, info = lapack.dpotrf(squared.T, lower=0, clean=0)
-        return lambda b: scale * lapack.dpotrs(factor, scale * b)[0]
-    return lambda b: scale * lapack.spotrs(factor, scale * b)[0]
-
-
-def _unsymmetric_solver(reading: Reading, network, g: np.ndarray, free: np.ndarray):
-    """Return the same of other readouts, scaled by rho and by g."""
-    rho, cols = reading.rho_of(network), reading.circuit.cols
+    symmetric = reading.circuit.readout_class.two_terminal
+    if symmetric and free.size > _DENSE:
+        return laplacian.hessian_solver(network.inverse, g, free)
+    rho = reading.rho_of(network)
+    left, right = (np.sqrt(g), np.sqrt(g)) if symmetric else (1.0 / rho, g)
     falls = (rho + reading.apparent[1]) / network.adc  # - d rho / d adc
-    ends = free // cols, reading.circuit.rows + free % cols
-    matrix = network.sensitivity(falls / rho, free, *ends)
-    matrix *= g.flat[free].astype(np.float32)
+    row, col = np.divmod(free.astype(np.int32), np.int32(g.shape[1]))
+    matrix = network.sensitivity(falls * left, free.astype(np.int32), row, col + np.int32(len(g)))
+    left, right = left.flat[free], right.flat[free]
+    matrix *= right.astype(np.float32)
+    if symmetric:
+        factor, info = lapack.spotrf(matrix.T, lower=0, clean=0)
+        if not info:
+            return lambda b: right * lapack.spotrs(factor, left * b)[0]
+        matrix.flat[:: free.size + 1] *= 1.0 + _RIDGE
     factor, pivots, _ = lapack.sgetrf(matrix.T, overwrite_a=True)  # of the transposed
-    rho = rho.flat[free]
-    return lambda b: g.flat[free] * lapack.sgetrs(factor, pivots, b / rho, trans=1)[0]
+    return lambda b: right * lapack.sgetrs(factor, pivots, left * b, trans=1)[0]
