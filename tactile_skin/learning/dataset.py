@@ -86,8 +86,13 @@ def make_pairs(circuit, curve, n: int, network_kind: str, readout: str, seed, tr
         (n, channels, rows, cols) inputs, (n, rows, cols) force [N], both float32.
 
     Raises:
-        ValueError: the circuit's readout is not the floating one.
+        ValueError: the circuit's readout is not the floating one, or it has one line.
     """
+    if min(circuit.shape) < 2:
+        raise ValueError(
+            f"circuit of {circuit.rows} x {circuit.cols} cells: one line has no cross-talk to "
+            "learn: use the method auto or map, which need no training"
+        )
     if not circuit.readout_class.two_terminal:
         raise ValueError(
             f"the networks know the floating readout only, not {circuit.readout!r}: use the "

@@ -169,6 +169,12 @@ def test_another_readout_is_refused_before_the_training(network_kind):
         make_pairs(replace(CIRCUIT, readout="grounded"), CURVE, 10, network_kind, "ideal", 5)
 
 
+@pytest.mark.parametrize("shape", [(1, 8), (8, 1)])
+def test_a_single_line_has_nothing_to_learn(shape):
+    with pytest.raises(ValueError, match="one line has no cross-talk"):
+        make_pairs(Circuit(*shape), CURVE, 10, "paper", "ideal", 5)
+
+
 @pytest.mark.parametrize("network_kind", network.NETWORKS)
 def test_pairs_do_not_depend_on_how_many_are_made(network_kind, monkeypatch):
     """The first pairs of a larger set are those of a smaller one."""
