@@ -34,6 +34,7 @@ options, name:=value:
   config    parameter file with circuit.*, as for launch (default: as recorded, or the paper's)
   rest      recorded frames of the untouched skin (default: found in FILE)
   full_scale  what an input at the supply reads, where FILE holds no ADC steps: 5.0 of volts
+  namespace  of the skin, where a recording holds several
   port, baud, protocol, seconds   of the live board (default 1000000, binary, 60)
 exit status: 0 nothing found, 1 something found, 2 a mistake."""
 
@@ -42,6 +43,7 @@ _KINDS: dict[str, type] = {
     "config": str,
     "rest": str,
     "full_scale": float,
+    "namespace": str,
     "port": str,
     "baud": int,
     "protocol": str,
@@ -68,19 +70,21 @@ def run(args) -> int:
         if files and name in given:
             raise ValueError(f"{name}:= is of a live board: give port:=DEVICE, not a file")
     config = given.get("config")
-    skin = recorded_skin(files[0], config) if files else read_skin(config)
+    namespace = given.get("namespace", "")
+    skin = recorded_skin(files[0], config, namespace) if files else read_skin(config)
     board = _board(skin, given)
     adc = skin_of(board, "").adc
     circuit = adc.circuit
     found: list[Finding] = []
     if files:
-        frames = _ratio(files[0], adc, given.get("full_scale"))
+        frames = _ratio(files[0], adc, given.get("full_scale"), namespace)
     else:
         frames, found = _listen(given, board)
     check_all_is_sent(frames, circuit, adc.threshold(skin.threshold), skin.threshold)
     rest = None
     if "rest" in given:
-        rest = measure_rest(_ratio(given["rest"], adc, given.get("full_scale")), circuit)
+        rest = _ratio(given["rest"], adc, given.get("full_scale"), namespace)
+        rest = measure_rest(rest, circuit)
     found += diagnose(frames, circuit, rest, inverted=adc.inverted)
     print(f"{len(frames)} frames of {circuit.rows} x {circuit.cols}")
     print(picture(found, circuit))
@@ -130,9 +134,9 @@ def _board(skin: SkinConfig, given: dict) -> dict:
     return {f"circuit.{name}": value for name, value in (board | dropped | changed).items()}
 
 
-def _ratio(path: str, adc: Adc, full_scale: float | None) -> np.ndarray:
+def _ratio(path: str, adc: Adc, full_scale: float | None, namespace: str) -> np.ndarray:
     """(n, rows, cols) ADC ratio of a file; what was repaired is printed."""
-    found = read_frames(path, adc.circuit, full_scale=full_scale)
+    found = read_frames(path, adc.circuit, namespace, full_scale=full_scale)
     for note in found.notes:
         print(f"{path}: {note}")
     return found.ratio(adc)

@@ -101,7 +101,7 @@ def test_a_foreign_file_is_replayed_recorded_and_exported(tmp_path, config, call
     assert status == 0 and "readings  199" in said
 
 
-def test_of_several_skins_the_one_of_the_namespace_is_exported(tmp_path, call):
+def test_of_several_skins_that_of_the_namespace_is_taken(tmp_path, call):
     path, out = tmp_path / "a.mcap", tmp_path / "a.npy"
     left, right = recorded.samples(3, 16, 16), recorded.samples(3, 16, 16, seed=1)
     writer = Writer(path, {}, recorded.START)
@@ -116,6 +116,10 @@ def test_of_several_skins_the_one_of_the_namespace_is_exported(tmp_path, call):
     status, said, error = call("replay", path, "namespace:=right", "--export", out)
     assert (status, error) == (0, "") and "3 frames" in said
     np.testing.assert_array_equal(np.load(out), right / 64)
+    status, _, error = call("doctor", path)
+    assert status == 2 and "there are: /left/skin/adc, /right/skin/adc" in error
+    _, _, error = call("doctor", path, "namespace:=right")
+    assert "3 frames: give 20 or more" in error  # it has found them
 
 
 def test_an_export_takes_rate_and_full_scale(tmp_path, config, call):
