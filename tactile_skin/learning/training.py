@@ -296,13 +296,7 @@ def _train_epoch(
     epoch: int,
     track,
 ) -> float:
-    """Train the net on all pairs once, in an order of the epoch's own; return the mean loss.
-
-    Args:
-        pairs: as `_pairs` makes them.
-        epoch: its number, from 0.
-        track: as in `train`.
-    """
+    """Train the net on all pairs once, in an order of the epoch's own; return the mean loss."""
     inputs, target = pairs
     steps = math.ceil(config.pairs / config.batch)
     order = torch.randperm(

@@ -163,17 +163,7 @@ def _neighbours(rows: int, cols: int) -> np.ndarray:
 def _join(
     tops: list[int], hill: np.ndarray, around: np.ndarray, f: np.ndarray, threshold: float
 ) -> list[int]:
-    """Which hills are one contact.
-
-    Args:
-        tops: places of the hills' tops, rising.
-        hill: (m,) place of the top of each cell's hill.
-        around: (m, 9) places of each cell's neighbours, -1 for none.
-        f: (m,) forces, rising.
-
-    Returns:
-        for each top, the one that stands for its contact: the highest.
-    """
+    """Which hills are one contact."""
     # each border seen from above
     cell, side = ((around >= 0) & (hill[around] < hill[:, None])).nonzero()
     beside = around[cell, side]

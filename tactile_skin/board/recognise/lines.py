@@ -153,15 +153,7 @@ def _rises(column: np.ndarray) -> bool:
 
 
 def _roles(lead: np.ndarray, readings: int) -> tuple[list[str], int, tuple[int, ...], bool]:
-    """Return what each number in front of the readings is.
-
-    Args:
-        lead: (lines, k) numbers.
-
-    Returns:
-        row, col, index or skip for each; the first number of a place; how many rows, or (rows,
-        cols), or cells they count; whether each is known.
-    """
+    """Return what each number in front of the readings is."""
     k = lead.shape[1]
     for a in range(k - 1 if readings == 1 else 0):
         row, col = lead[:, a], lead[:, a + 1]
@@ -337,11 +329,7 @@ def _in_front(values: np.ndarray) -> tuple[int, bool]:
 
 
 def _behind(values: np.ndarray, cells: int) -> tuple[int, bool]:
-    """How many numbers behind a line are no readings, and whether that is sure.
-
-    Args:
-        cells: readings that are expected; 0: unknown.
-    """
+    """How many numbers behind a line are no readings, and whether that is sure."""
     n, last = values.shape[1], values[:, -1]
     if n < 3:
         return 0, True

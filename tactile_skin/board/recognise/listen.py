@@ -100,11 +100,7 @@ def _at_each(line, bauds, seconds: float, shape) -> Iterator[Heard]:
 
 
 def _read(line, seconds: float, patience: float = math.inf) -> tuple[bytes, float]:
-    """Return what arrives, and the time from its first to its last byte [s].
-
-    Args:
-        patience: seconds after which it ends, if there was no byte.
-    """
+    """Return what arrives, and the time from its first to its last byte [s]."""
     data, now = b"", time.monotonic()
     first = last = begin = now
     while now < begin + (seconds if data else min(seconds, patience)) and len(data) < _MOST:
