@@ -15,9 +15,7 @@ from collections.abc import Callable
 
 from .stop import StopMessage
 
-_SILENCE = (
-    0.25  # s without a message of the stop node, which publishes every 0.02 s, that mean stop
-)
+_SILENCE = 0.25  # s without a message of the stop node, which publishes every 0.02 s: stop
 _RETRY = 0.1  # s before a hook that raised is called again
 _CHECK_PERIOD = 0.05  # s, at most, between two checks of the clock
 _WAITING = 32  # events kept for a hook that is busy

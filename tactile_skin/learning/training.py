@@ -118,8 +118,7 @@ def make_net(kind: str, rows: int, cols: int) -> PaperNet | PhysicsNet:
     """Make a new network of `network.NETWORKS`, He-initialised from torch's global seed.
 
     The physics network starts as the fixed point: its last weights are 0. Of the paper's, neurons
-    that have no sibling start open: the last by its bias, the line kernels as means of their line.
-    With random signs none of ten runs kept both, and six lost both for good.
+    that have no sibling start open: with random signs six of ten runs lost both for good.
     """
     net = PaperNet(rows, cols) if kind == "paper" else PhysicsNet()
     parameters = dict(net.named_parameters())

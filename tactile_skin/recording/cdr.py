@@ -45,19 +45,6 @@ def mcap():
     return _load("mcap")
 
 
-def read_record(file):
-    """Return the record of MCAP that stands in a file, and the records in it: of a chunk, its own.
-
-    Raises:
-        Exception: of the checksum, or of the library that decompresses.
-    """
-    library = mcap().stream_reader
-    record = next(library.StreamReader(file, skip_magic=True, emit_chunks=True).records)
-    if isinstance(record, mcap().records.Chunk):
-        return record, library.breakup_chunk(record, validate_crc=True)
-    return record, [record]
-
-
 @functools.cache
 def _store():
     typesys = _load("rosbags.typesys")

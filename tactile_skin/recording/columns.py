@@ -2,7 +2,7 @@
 """Tell the cells of a table from its other columns: time, date, counter, label.
 
 A column is known by its name, or by what it does: it is text, rises by one, rises, repeats, takes
-few small values. Where that does not tell which end of a line holds no cell, nothing is guessed.
+few small values. Otherwise nothing is guessed.
 """
 
 from __future__ import annotations
@@ -149,10 +149,7 @@ def _role(column: Column, cycle: int, level: float) -> tuple[Role, float] | None
 
 
 def _role_by_name(name: str, counts: bool) -> Role | None:
-    """Return what a column is by its name; None: that shows nothing.
-
-    A time without a unit whose values rise by one (`counts`) is a counter.
-    """
+    """Return what a column is by its name; a time without a unit that `counts` is a counter."""
     if is_time_name(name):
         return Role.COUNTER if counts and not unit_of(name) else Role.TIME
     if _COUNTER.match(name):
@@ -161,11 +158,7 @@ def _role_by_name(name: str, counts: bool) -> Role | None:
 
 
 def _role_by_lines(values: np.ndarray, cycle: int) -> Role | None:
-    """Return what (n,) integers are by how they run through the `cycle` lines of each frame.
-
-    What counts the lines of a frame is a label, the row of a line; what stays within a frame and
-    rises from one to the next is a counter. None: neither.
-    """
+    """Return whether (n,) integers are the row of a line, or count frames of `cycle` lines."""
     lines = values[: len(values) // cycle * cycle].reshape(-1, cycle)
     within = np.diff(lines, axis=1)
     if len(lines) and (within == 1.0).all():
@@ -176,10 +169,7 @@ def _role_by_lines(values: np.ndarray, cycle: int) -> Role | None:
 
 
 def _weight_of_label(values: np.ndarray, level: float) -> float | None:
-    """Return the weight of what shows that (n,) integers are a label; None: they may be a cell's.
-
-    Cells read `level` at least.
-    """
+    """Return the weight of what shows that (n,) integers are a label; None: of a cell, maybe."""
     few = len(np.unique(values)) <= min(_CLASSES, max(len(values) // 3, 1))
     if not few or values.min() < -1.0 or values.max() > _LARGEST_LABEL:
         return None

@@ -219,12 +219,7 @@ def _of_numpy(path, data: bytes, kind: str, circuit: Circuit) -> Found:
         raise FileError(f"{path}: cannot be read: {error}") from error
     if values.dtype.kind not in "fiu":
         raise FileError(f"{path}: holds {values.dtype}: must be numbers")
-    notes = []
-    if values.dtype.kind == "f" and (odd := np.isinf(values)).any():
-        values = np.where(odd, np.nan, values)
-        notes.append(f"{odd.sum()} infinite numbers are taken as not read")
     found = _of_array(path, values, circuit)
-    found.notes[:0] = notes
     if times is not None:
         if times.shape != found.values.shape[:1]:
             raise FileError(
@@ -236,8 +231,7 @@ def _of_numpy(path, data: bytes, kind: str, circuit: Circuit) -> Found:
 
 def _of_array(path, values: np.ndarray, circuit: Circuit) -> Found:
     """Return the frames of an array, by its shape."""
-    shape, size = circuit.shape, circuit.rows * circuit.cols
-    given = values.shape
+    shape, given = circuit.shape, values.shape
     if values.ndim > 3 or (values.ndim == 3 and shape not in (given[1:], given[:2])):
         values = values.reshape([n for n in given if n > 1])  # (n, 1, rows, cols) of a network
     if values.shape == shape:
@@ -246,9 +240,6 @@ def _of_array(path, values: np.ndarray, circuit: Circuit) -> Found:
         return Found(values)
     if values.ndim == 3 and values.shape[:2] == shape:
         return Found(np.moveaxis(values, -1, 0), None, ["the last axis is taken as the frames"])
-    if values.ndim == 2 and len(values) == size and values.shape[1] not in (size, circuit.cols):
-        notes = ["each line is taken as a cell, each column as a frame"]
-        return Found(values.T.reshape(-1, *shape), None, notes)
     if values.ndim == 2:
         return frames_of(Table.of_numbers(values), circuit)
     raise _wrong_size(path, given, circuit)

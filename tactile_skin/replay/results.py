@@ -85,11 +85,9 @@ def collect(
 ) -> Results:
     """Replay a recording as fast as possible.
 
-    Several processes take parts of five minutes. Each part begins 10 s early, anew: their results
-    are near those of one process, which are the robot's, but not the same to the bit.
-
     Args:
-        jobs: processes.
+        jobs: processes. Several take parts of five minutes, each begun 10 s early, anew: near the
+            results of one, which are the robot's, but not the same to the bit.
         track: of an iterable and its length, shows how far it is.
 
     Raises:
@@ -165,14 +163,8 @@ def table(compared: Compared) -> str:
     first, reference = compared.results[0], compared.methods[0]
     touched = first.peak > _TOUCHED
     head = (
-        "method",
-        *STATUS,
-        "stops",
-        "time stopped",
-        "total while touched",
-        f"a cell from {reference}",
-        "solved in, p50",
-        "p99",
+        *("method", *STATUS, "stops", "time stopped", "total while touched"),
+        *(f"a cell from {reference}", "solved in, p50", "p99"),
     )
     lines: list[tuple[str, ...]] = [head]
     for name, found, cell in zip(compared.methods, compared.results, compared.cell, strict=True):

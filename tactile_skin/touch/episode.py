@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Describes what a hand did to the skin, from its first touch to its last, in 65 numbers.
 
-The features are those of the field (Jung et al., "Touching the Void", ICMI 2014, and "Automatic
-recognition of touch gestures in the corpus of social touch", JMUI 2017) without the means of rows
-and columns, which name places on the sensor, and with the shape, the rhythm and the way of the
-touch. All are in newtons, metres and seconds or are ratios, so that they mean the same on a mat of
-another size, fabric or converter.
+The features are those of Jung et al., "Touching the Void", ICMI 2014, and "Automatic recognition of
+touch gestures in the corpus of social touch", JMUI 2017, without what names places on the sensor,
+and with the shape, the rhythm and the way of the touch. All are in newtons, metres and seconds or
+are ratios, so that they mean the same on any mat.
 """
 
 from __future__ import annotations

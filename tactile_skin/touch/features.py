@@ -99,14 +99,13 @@ def segment(force: np.ndarray, cell_threshold: float) -> tuple[np.ndarray, np.nd
     A contact is a hill of cells that touch (8 neighbours), each above a tenth of the threshold: a
     fingertip has a third of its force on its rim. Two hills that touch are two contacts where the
     highest way from one to the other falls below 0.6 of the lower peak, and both rise above the
-    threshold: a free row between two fingers is seldom quite free in what was measured, and no
-    palm is quite flat.
+    threshold: a row between two fingers is seldom quite free, and no palm quite flat.
 
     Args:
         force: (rows, cols) [N].
         cell_threshold: a hill whose strongest cell has no more [N] is no contact, unless all its
-            cells have 200 times as much, or 40 N, together: a body that leans on many cells is soft
-            on each. Of more than 40 N all such hills are one contact: it leans on several places.
+            cells have 200 times as much, or 40 N, together: a body that leans is soft on each cell.
+            Of more than 40 N all such hills are one contact.
 
     Returns:
         (m,) places of the touched cells in the flattened picture; (m,) each one's contact, from 0;

@@ -23,9 +23,7 @@ _AROUND = 1_000_000_000  # ns by which a message may be out of order in the file
 
 
 class Recorded:
-    """Keeps times and forces of all readings, and the last few seconds of snapshots asked for.
-
-    The others are read from the file when they are asked for.
+    """Keeps times and forces of all readings; snapshots are read when they are asked for.
 
     Args:
         recording: that is shown.

@@ -120,9 +120,6 @@ def serve(
 ) -> None:
     """Put the chip behind a pty as `terminal.serve` does; bytes that are sent to it reach it.
 
-    If the simulation is slower than real time, frames arrive late, and the driver says so: the
-    clock of a real board does not stand still.
-
     Args:
         scene: time since start [s] -> (rows, cols) force per cell [N].
     """

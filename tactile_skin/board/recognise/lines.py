@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Lines of text: which of them hold readings, and what else stands in them.
 
-Nothing is known of the board. Lines that are alike but for their numbers are one kind; the kind
-with the most numbers holds the readings. Numbers in front of them are told by what they do: one
-that counts through a frame says which row or cell follows, one that only rises is a time or a
-counter. What is found is proved: the parser reads the sample by the description.
+Lines that are alike but for their numbers are one kind; the kind with the most numbers holds the
+readings. A number in front that counts through a frame says which row or cell follows, one that
+only rises is a time or a counter. The parser proves it: it reads the sample by the description.
 """
 
 from __future__ import annotations

@@ -53,7 +53,6 @@ def listen(line, bauds, seconds: float, say: Callable[[str], None], shape=None) 
     Args:
         line: an open serial port.
         seconds: to listen at each.
-        say: takes a line before the first, and one behind each.
         shape: (rows, cols) that are expected; None: nothing is known.
 
     Raises:

@@ -2,8 +2,7 @@
 """Simulated people who touch a mat: how hands press on it in space and time.
 
 A person has a size, a strength, a tempo, a tremor and ways of doing each gesture; each performance
-varies about them. The numbers are chosen to be broad, and but for `_UNSTEADY` come from no
-recording: what is trained on these hands is scored on others as well.
+varies about them. The numbers are chosen, and but for `_UNSTEADY` come from no recording.
 """
 
 from __future__ import annotations
