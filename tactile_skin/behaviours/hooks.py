@@ -70,8 +70,7 @@ class StopHook:
     Args:
         topics: names of the stop nodes that must all be free.
         now: the time by which the readings are stamped [s].
-        heartbeat: the hook is called at least this often, also without a change [s]; None: only
-            at changes.
+        heartbeat: the hook is called at least this often [s]; None: only at changes.
     """
 
     def __init__(
@@ -153,8 +152,8 @@ class StopHook:
 class EventHook:
     """Calls hook(*arguments) for each event, in their order, in a thread of its own.
 
-    An exception is logged, and the next event passed on: an event, unlike a stop, is soon past.
-    While the hook is busy the oldest events that wait are dropped, counted in `dropped`.
+    An exception is logged, and the next event passed on. While the hook is busy the oldest events
+    that wait are dropped, counted in `dropped`.
     """
 
     def __init__(self, hook: Callable[..., object]):

@@ -126,11 +126,7 @@ class Learnt(NamedTuple):
 
 
 def learn(idle, touches, circuit: Circuit, curve: PressureCurve) -> Learnt:
-    """Measure the rest, and find the circuit.
-
-    Args:
-        idle, touches: (n, rows, cols) frames without a touch, and of touches.
-    """
+    """Measure the rest on (n, rows, cols) idle frames, and find the circuit on touches."""
     tare = Tare(circuit, curve)
     for k, frame in enumerate(idle):
         tare.update(k / _RATE, frame, np.zeros(circuit.shape))
@@ -195,11 +191,7 @@ def _summary(trouble: Trouble, shares: list[dict]) -> dict:
 
 
 def verdict(trouble: Trouble, running: dict) -> str:
-    """Return what becomes of a trouble on a running skin, in some words.
-
-    Args:
-        running: a list for each of "silent", "reported", an entry for each strength.
-    """
+    """Return what becomes of a trouble, whose shares are `running`, on a running skin in words."""
     at = [k for k, strength in enumerate(trouble.strengths) if strength != trouble.sound]
     if max(running["silent"][k] for k in at) > SILENT:
         return trouble.reason

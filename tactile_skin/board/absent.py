@@ -41,11 +41,7 @@ class Absent:
         self._frames = 0
 
     def frame(self, samples: np.ndarray, unread: np.ndarray | None) -> Unread:
-        """Return what the crossings are after this frame.
-
-        Args:
-            unread: (rows, cols) bool, what the board itself says that it did not read.
-        """
+        """Return what is not read after this frame; `unread`: what the board itself says of it."""
         if unread is None and not self._looking:
             return Unread()
         unnamed = np.zeros(self._named.shape, bool) if unread is None else unread & ~self._named

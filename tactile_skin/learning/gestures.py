@@ -140,10 +140,7 @@ def sharpness_of(table: Table, shares: np.ndarray) -> float:
 
 
 def left_out(table: Table, trees: int = TREES) -> np.ndarray:
-    """Return (rows, classes) shares of each row by a forest and a line that knew not its person.
-
-    Where a gesture is of one person only, by those that knew not its take.
-    """
+    """Return (rows, classes) shares of each row by a forest and a line that knew not its person."""
     classes, label = np.unique(table.label, return_inverse=True)
     groups = _folds(table)
     shares = np.zeros((len(label), len(classes)))
@@ -157,10 +154,7 @@ def left_out(table: Table, trees: int = TREES) -> np.ndarray:
 
 
 def _folds(table: Table) -> np.ndarray:
-    """Return (rows,) the group that each row is left out with.
-
-    Groups are of people, or of takes where one person alone has made a gesture.
-    """
+    """Return the group of each row: of people, or of takes if one person made a gesture."""
     person = np.unique(table.person, return_inverse=True)[1]
     alone = any(len(np.unique(person[table.label == label])) == 1 for label in set(table.label))
     return (table.take if alone else person) % FOLDS

@@ -122,10 +122,7 @@ def _median(values: np.ndarray) -> float:
 
 
 def _role(column: Column, cycle: int, level: float) -> tuple[Role, float] | None:
-    """Return what the column is, and the weight of what shows it; None: it may be a cell.
-
-    Cells read `level` at least.
-    """
+    """Return what the column is, and the weight of what shows it; cells read `level` at least."""
     values = column.numbers[: _used(column)]
     steps = np.diff(values)
     one = len(steps) > 1 and (steps == 1.0).mean() >= _MOSTLY
@@ -194,10 +191,8 @@ def _used(column: Column) -> int:
 def times(columns: list[Column], notes: list[str], places: list[str]) -> np.ndarray | None:
     """Return the seconds that columns of times say, (n,), NaN where they say none.
 
-    A day and a time of day in two columns are added up. What is assumed goes to `notes`.
-
-    Args:
-        places: of each column, for a person: "the first column".
+    A day and a time of day in two columns are added up. What is assumed of the column, named as in
+    `places`, goes to `notes`.
     """
     dated = [(stamps(c.words), c) if c.is_text else (None, c) for c in columns]
     texts = [found for found, _ in dated if found is not None]
@@ -252,10 +247,7 @@ class Stamps(NamedTuple):
 
 
 def stamps(words: Sequence[str]) -> Stamps | None:
-    """Return what dates or times of day say; None: most of the texts are neither.
-
-    ISO 8601 and its usual variants, days with the year in front or behind, am and pm.
-    """
+    """Return what dates or times of day say; None: most of the texts are neither."""
     for day, clock in product(_DAYS, _CLOCKS):
         written = f"{day} {clock}".strip()
         if not written or all(_seconds(word, written) is None for word in words[:_TRIED]):
@@ -285,11 +277,7 @@ def _past_midnight(seconds: np.ndarray) -> np.ndarray:
 
 
 def spread(stamps: np.ndarray) -> np.ndarray | None:
-    """Return (n,) times of a clock that is coarser than the frames, spread evenly; None: it is not.
-
-    Args:
-        stamps: (n,) that repeat [s].
-    """
+    """Return (n,) stamps [s] of a clock coarser than the frames, spread evenly; None: it is not."""
     steps = np.diff(stamps)
     if len(steps) < 2 or (steps < 0.0).any() or not (steps == 0.0).mean() > _REPEATED:
         return None

@@ -177,11 +177,6 @@ def is_recording(path) -> bool:
 def recorded_skin(path, config=None, namespace: str = "") -> SkinConfig:
     """Return the configuration of a parameter file, or else what a recording was made with.
 
-    Of other files, all defaults.
-
-    Args:
-        namespace: of the skin, where a recording holds several.
-
     Raises:
         FileError, OSError: as Recording.
     """

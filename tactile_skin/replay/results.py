@@ -136,11 +136,7 @@ class Compared:
 def compare(
     job: Job, methods: list[str], track: Callable[[Iterable], Iterable] = lambda steps: steps
 ) -> Compared:
-    """Replay a recording with each of the methods, reading by reading.
-
-    Raises:
-        ValueError: fewer than two methods, or as `collect`.
-    """
+    """Replay a recording with each of two methods or more (else ValueError), reading by reading."""
     if len(methods) < 2:
         raise ValueError(f"methods {', '.join(methods)}: give two or more")
     kept: list[list] = [[] for _ in methods]

@@ -97,13 +97,7 @@ _NOTHING = _Moment(0.0, 0.0, 0.0, 0.0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 
 
 
 class Episode:
-    """Sums up the pictures of one gesture.
-
-    Args:
-        shape: (rows, cols) of the skin.
-        pitch: distance between neighbouring cells [m].
-        period: between pictures [s].
-    """
+    """Sums up the pictures of one gesture, a period [s] apart, of cells with a pitch [m]."""
 
     def __init__(self, shape: tuple[int, int], pitch: float, period: float):
         self.pitch, self.period = pitch, period
@@ -122,11 +116,7 @@ class Episode:
         return self._count * self.period
 
     def add(self, force: np.ndarray) -> None:
-        """Take the next picture.
-
-        Args:
-            force: (rows, cols) on the cells of this gesture [N], 0 elsewhere.
-        """
+        """Take the next picture: (rows, cols) force on the cells of this gesture [N], else 0."""
         change = float(np.abs(force - self.last).sum())
         self.last = force
         if force.any():
@@ -170,11 +160,7 @@ class Episode:
         return steps < _STEADY_FORCE * usual and changes < _STEADY_CELLS * usual
 
     def features(self) -> np.ndarray:
-        """Return the features of the episode so far; all but silence of what touched.
-
-        Returns:
-            (len(FEATURES),); amounts are logarithms.
-        """
+        """Return (len(FEATURES),) features of the episode so far; amounts are logarithms."""
         end = len(self._moments) - self._untouched
         if end <= 0:
             return np.zeros(len(FEATURES))

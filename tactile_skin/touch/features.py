@@ -62,8 +62,7 @@ _NOTHING = Push(np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), 0.0)
 def analyse_frame(force: np.ndarray, geometry: Geometry, cell_threshold: float) -> Frame:
     """Find the contacts of a frame and the push that they make together.
 
-    The direction's confidence is |sum f n| / sum f, 1 where all touched cells face one way, 0 for
-    a squeeze, times total / (total + 10 cell_threshold): a touch near the threshold says little.
+    The direction's confidence is |sum f n| / sum f times total / (total + 10 cell_threshold).
 
     Args:
         force: (rows, cols) on each cell [N], 0 or more.

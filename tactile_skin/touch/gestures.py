@@ -46,11 +46,7 @@ class Gestures:
         self._ids: list[int] = []
 
     def update(self, t: float, frame: Frame, touches: list[Touch]) -> list[Gesture]:
-        """Return a gesture for each of `tracking.Tracker.update`'s touches, in their order.
-
-        Args:
-            t: when the frame was taken [s].
-        """
+        """Return a gesture for each of `Tracker.update`'s touches of a frame taken at t [s]."""
         if not touches:
             return []
         labels, n = frame.labels, len(frame.contacts)

@@ -106,13 +106,7 @@ class Pictures:
         self._std: np.ndarray | float = 0.0
 
     def update(self, t: float, force: np.ndarray, std: np.ndarray | float = 0.0) -> Picture | None:
-        """Take a frame; return the picture that it completes.
-
-        Args:
-            t: when it was taken [s].
-            force: (rows, cols) on each cell [N].
-            std: (rows, cols) or one, standard deviation of the force [N].
-        """
+        """Take a frame (rows, cols) [N] of t [s] with its std; return the picture that it ends."""
         step, self._last = t - self._last, t
         if not 0.0 < step <= _PAUSE:  # how long this frame lasts is not known
             self._begin(t, True)
@@ -215,11 +209,9 @@ class Gathering:
         self._background: list[_Background] = []
 
     def update(self, t: float, force: np.ndarray, std: np.ndarray | float = 0.0) -> list[Gesture]:
-        """Take a frame, as `Pictures.update`.
+        """Take a frame; return the gestures that go on or have just ended, if it ends a picture.
 
-        Returns:
-            The gestures that go on or have just ended, where this frame completes a picture; else
-            an empty list. After a pause of frames those before it have ended.
+        After a pause of frames those before it have ended.
         """
         picture = self._pictures.update(t, force, std)
         if picture is None:
@@ -316,11 +308,10 @@ class Recogniser:
         self._opinions: dict[int, _Opinion] = {}  # of the gestures that go on, by id
 
     def update(self, t: float, force: np.ndarray, std: np.ndarray | float = 0.0) -> list[Named]:
-        """Take a frame, as `Pictures.update`.
+        """Take a frame (rows, cols) [N] of t [s], and its standard deviation [N].
 
         Returns:
-            The gestures that go on or have just ended, where this frame completes a picture; else
-            an empty list.
+            The gestures that go on or have just ended, where it completes a picture; else none.
         """
         gestures = self._gathering.update(t, force, std)
         if not gestures:

@@ -70,11 +70,7 @@ def find_takes(paths: Iterable[str | Path]) -> Iterator[Path]:
 
 
 def touches(pictures: np.ndarray, period: float) -> list[np.ndarray]:
-    """Cut pictures (T, rows, cols) where nothing touches for a while; each from touch to touch.
-
-    Args:
-        period: between them [s].
-    """
+    """Cut pictures (T, rows, cols), a period [s] apart, where nothing touches for a while."""
     on = np.flatnonzero(pictures.any((1, 2)))
     if len(on) == 0:
         return []

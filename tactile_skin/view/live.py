@@ -47,10 +47,7 @@ class Live:
         return {"recording": None, "title": self._title, "history": self.log.history()}
 
     async def snapshot(self, wanted: Wanted) -> tuple[int, Snapshot]:
-        """One that is newer than the page's last; after half a second what there is.
-
-        Or, where a time is asked for, what is kept of it.
-        """
+        """One that is newer than the page's last, or of the time that is asked for."""
         if wanted.at:
             return self.log.moment(wanted.at) or (self._number, self.newest)
         if self._number <= wanted.after:

@@ -29,13 +29,8 @@ class PageProcess:
     """Serves the page until it is closed, or this process ends.
 
     Args:
-        host, port: that it is served on.
         controls: whether a page may steer.
-        skins: name -> parameters of the skin, name -> value.
-
-    Attributes:
-        address: of the page.
-        skins: name -> the way to what is shown of it.
+        skins: name -> parameters of the skin; the attribute: name -> the way to what is shown.
 
     Raises:
         LaunchError: the address cannot be served on, or websockets is not installed.

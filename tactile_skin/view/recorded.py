@@ -73,10 +73,8 @@ class Recorded:
         self._damage = recording.damage
 
     def _readings(self, collector: Collector, messages) -> Iterator:
-        """Yield the time of a reading that comes [ns], and the snapshot of the one before it.
-
-        Either may be None. All that follows a reading has been said when the next one comes.
-        """
+        """Yield the time of a reading that comes [ns], and the snapshot of the one before it."""
+        # all that follows a reading has been said when the next one comes
         before = False
         for name, t, message in messages:
             if self._topics[name] == ADC:

@@ -203,10 +203,8 @@ def _blocks(lines: list[_Line | None], kind: tuple) -> list[int]:
 
 
 def _apart(values: np.ndarray, lag: int) -> float:
-    """How far the readings of most lines are from those of the line `lag` before [as printed].
-
-    The median over the lines: under a touch they move by more than rows differ.
-    """
+    """How far the readings of most lines are from those of the line `lag` before [as printed]."""
+    # the median over the lines: under a touch they move by more than rows differ
     return float(np.nanmedian(np.nanmean(np.abs(values[lag:] - values[:-lag]), axis=1)))
 
 
@@ -221,11 +219,7 @@ def _repeats_after(values: np.ndarray) -> int:
 
 
 def recognise_lines(data: bytes, shape: tuple[int, int] | None = None) -> Seen:
-    """Return what text is.
-
-    Args:
-        shape: (rows, cols) that are expected; None: nothing is known.
-    """
+    """Return what text is; `shape` is the (rows, cols) that are expected, if any."""
     often = [end for end in _LINE_ENDS if data.count(end) > FEW]
     end = next(iter(often or [end for end in _LINE_ENDS if data.count(end) > 1]), None)
     if end is None:

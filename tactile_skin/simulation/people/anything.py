@@ -80,12 +80,7 @@ def _field(mat: Mat, grain: float, rng: np.random.Generator) -> np.ndarray:
 
 
 def anything(mat: Mat, seed: int, period: float) -> np.ndarray:
-    """Return what one contact of any kind presses: (T, rows, cols) [N].
-
-    Args:
-        seed: the same one is the same event.
-        period: between pictures [s].
-    """
+    """Return what one contact of any kind presses, by its seed: (T, rows, cols) [N]."""
     rng = np.random.default_rng([seed, 99, 3])
     end = float(_log_uniform(rng, _SECONDS))
     t = np.arange(0.0, end + period, period)
