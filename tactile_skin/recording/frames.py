@@ -40,11 +40,7 @@ class Frames(Found):
     are_ratios: bool = False  # whether `values` are ratios from 0 to 1, and not ADC steps
 
     def ratio(self, adc: Adc) -> np.ndarray:
-        """(n, rows, cols) ADC ratio; NaN: not read.
-
-        Raises:
-            FileError: numbers beyond the ADC's range.
-        """
+        """(n, rows, cols) ADC ratio; NaN: not read (FileError: numbers beyond the ADC's range)."""
         if self.are_ratios:
             return self.values
         self._check_range(adc.circuit)

@@ -40,11 +40,7 @@ class Textile:
     full_scale: int = 0  # lines whose samples read full scale whatever is connected
 
     def draw(self, circuit: Circuit, curve: PressureCurve, rng) -> Matrix:
-        """Draw a matrix of this kind.
-
-        Args:
-            circuit, curve: that the solver is given.
-        """
+        """Draw a matrix of this kind; the solver is given the circuit and the curve."""
         rows, cols = circuit.shape
         lines = rng.permutation(rows + cols)  # which lines are damaged
         wiring = Wiring.ideal(circuit, self.line)

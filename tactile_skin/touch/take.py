@@ -34,11 +34,7 @@ class Take(NamedTuple):
 
 
 def load_take(path: str | Path) -> Take:
-    """Read a take.
-
-    Raises:
-        FileError: the file is absent, too large, or no take.
-    """
+    """Read a take (FileError: the file is absent, too large, or no take)."""
     with stored.load(path, "take") as (head, arrays):
         pictures = np.asarray(arrays["pictures"], float)
         period, pitch = float(head["period"]), float(head["pitch"])

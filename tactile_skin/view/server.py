@@ -85,11 +85,7 @@ class Wanted:
 
 
 def read_wanted(text: str | bytes) -> Wanted:
-    """Read what a page wants.
-
-    Raises:
-        ValueError: not what a page says.
-    """
+    """Read what a page wants (ValueError: not what a page says)."""
     said = json.loads(text)
     if not isinstance(said, dict) or not said.keys() <= Wanted.__dataclass_fields__.keys():
         raise ValueError("must be an object of known keys")

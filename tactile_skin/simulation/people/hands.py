@@ -71,11 +71,7 @@ POSES: dict[str, list[Pad]] = {
 
 
 class Person:
-    """One person; the same number is the same person.
-
-    Args:
-        number: 0 or more.
-    """
+    """One person; the same number, 0 or more, is the same person."""
 
     def __init__(self, number: int):
         self._rng = np.random.default_rng([number, 11])
