@@ -23,12 +23,7 @@ _FINAL_REASON = "the skin shuts down"
 
 
 class StopMessages:
-    """The last message of each stop node, and what follows from it; times are of one clock [s].
-
-    Args:
-        topics: names of the stop nodes that must all be free.
-        t: from which on they may publish.
-    """
+    """The last message of each stop node, all of which must be free; times are of one clock [s]."""
 
     def __init__(self, topics: list[str], t: float):
         self._messages = {

@@ -41,13 +41,7 @@ _COMPARED = 5  # frames of each board that all methods are compared by
 
 
 def measure(n: int, boards: int, seed: int, track=lambda items: items) -> dict:
-    """n frames of each strength of each trouble, on so many boards.
-
-    The same boards and scenes throughout: a row shows the strength alone.
-
-    Returns:
-        the figure "stability" as plain data.
-    """
+    """n frames of each strength of each trouble, on so many boards: the same ones throughout."""
     tasks = [
         (t, k, b)
         for t, trouble in enumerate(TROUBLES)
@@ -146,10 +140,7 @@ def learn(idle, touches, circuit: Circuit, curve: PressureCurve) -> Learnt:
 
 
 def judge(adc, force, circuit: Circuit, curve: PressureCurve, method: str, **given) -> Outcome:
-    """Frames (n, rows, cols) under forces (n, rows, cols) [N].
-
-    A refused frame has no estimate: its error is that of saying nothing at all, zero force.
-    """
+    """Frames (n, rows, cols) under forces [N]; a refused one errs like zero force."""
     found, reported = np.zeros(np.shape(force)), np.zeros(len(force), bool)
     for k, frame in enumerate(adc):
         try:

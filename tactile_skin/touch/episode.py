@@ -97,7 +97,7 @@ _NOTHING = _Moment(0.0, 0.0, 0.0, 0.0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 
 
 
 class Episode:
-    """Sums up the pictures of one gesture, a period [s] apart, of cells with a pitch [m]."""
+    """Sums up the pictures of one gesture, one every period [s], of cells with a pitch [m]."""
 
     def __init__(self, shape: tuple[int, int], pitch: float, period: float):
         self.pitch, self.period = pitch, period

@@ -195,11 +195,7 @@ class _Background(NamedTuple):
 
 
 class Gathering:
-    """Gathers the touches that are one gesture: those within `reach` [m], soon after each other.
-
-    Args:
-        pitch: distance between neighbouring cells [m].
-    """
+    """Gathers the touches that are one gesture: those within `reach` [m], soon after each other."""
 
     def __init__(self, pitch: float, reach: float = REACH):
         self.cells, self.reach = Cells(pitch), reach
@@ -294,13 +290,7 @@ class _Opinion:
 
 
 class Recogniser:
-    """Names the gestures on one skin.
-
-    Args:
-        model: what it names.
-        pitch: distance between neighbouring cells [m].
-        min_probability: of a gesture that is named.
-    """
+    """Names the gestures on one skin, whose cells have a pitch [m], that are probable enough."""
 
     def __init__(self, model: GestureModel, pitch: float, min_probability: float = 0.7):
         self.model, self.min_probability = model, min_probability
@@ -308,11 +298,7 @@ class Recogniser:
         self._opinions: dict[int, _Opinion] = {}  # of the gestures that go on, by id
 
     def update(self, t: float, force: np.ndarray, std: np.ndarray | float = 0.0) -> list[Named]:
-        """Take a frame (rows, cols) [N] of t [s], and its standard deviation [N].
-
-        Returns:
-            The gestures that go on or have just ended, where it completes a picture; else none.
-        """
+        """Take a frame (rows, cols) [N] of t [s] with its std; return what `Gathering` does."""
         gestures = self._gathering.update(t, force, std)
         if not gestures:
             return []

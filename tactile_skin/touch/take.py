@@ -66,7 +66,7 @@ def find_takes(paths: Iterable[str | Path]) -> Iterator[Path]:
 
 
 def touches(pictures: np.ndarray, period: float) -> list[np.ndarray]:
-    """Cut pictures (T, rows, cols), a period [s] apart, where nothing touches for a while."""
+    """Cut pictures (T, rows, cols), one every period [s], where nothing touches for a while."""
     on = np.flatnonzero(pictures.any((1, 2)))
     if len(on) == 0:
         return []

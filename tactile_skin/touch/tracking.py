@@ -194,14 +194,9 @@ class Tracker:
         self._ids = 0
 
     def update(self, t: float, frame: Frame) -> list[Touch]:
-        """Return the touches of a frame.
+        """Return a touch for each contact of a frame of t [s], in their order, then those released.
 
-        Args:
-            t: when it was taken [s].
-
-        Returns:
-            One touch for each of the frame's contacts, in their order, then those released. One
-            that was out of sight for less than 0.05 s, or joined another, is not reported.
+        One that was out of sight for less than 0.05 s, or joined another, is not reported.
         """
         released: list[_Track] = []
         if t < self._t:  # the clock was set back: what was seen has no place in time

@@ -24,14 +24,7 @@ _ANSWER_WITHIN = 5.0  # s
 
 
 class Live:
-    """The newest snapshot only, when a page asks.
-
-    Args:
-        skin: the socket to the skin.
-        title: what the page calls it.
-        log, work: take each of them.
-        ended: set when the skin has.
-    """
+    """The newest snapshot only, of the socket to the skin; `ended` is set when that has."""
 
     def __init__(self, skin: socket.socket, title: str, log: Log, work: Work, ended: asyncio.Event):
         self.log, self.work, self.ended, self._title = log, work, ended, title

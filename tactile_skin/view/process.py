@@ -58,16 +58,12 @@ class PageProcess:
 
 
 class ToPage:
-    """The way of one skin to the page's process.
-
-    Attributes:
-        watched: whether a page shows it.
-        dropped: snapshots that the process was too slow for.
-    """
+    """The way of one skin to the page's process."""
 
     def __init__(self, ours: socket.socket):
         self._ours = ours
-        self.watched, self.dropped = False, 0
+        self.watched = False  # whether a page shows it
+        self.dropped = 0  # snapshots that the process was too slow for
 
     def show(self, snapshot: Snapshot) -> None:
         """Never waits."""

@@ -43,12 +43,7 @@ class Heard:
 
 
 def listen(line, bauds, seconds: float, say: Callable[[str], None], shape=None) -> Heard:
-    """Return the best understood of what arrives at some baud rates.
-
-    Args:
-        line: an open serial port.
-        seconds: to listen at each.
-        shape: (rows, cols) that are expected; None: nothing is known.
+    """Return the best understood of what arrives at an open port, some seconds at each baud rate.
 
     Raises:
         ValueError: the port fails, or no byte arrives at any rate.

@@ -115,11 +115,7 @@ class Hand(NamedTuple):
 def pressed(
     mat: Mat, hand: Hand, person: Person, rng: np.random.Generator, period: float
 ) -> np.ndarray:
-    """Return (T, rows, cols) force [N] of a hand; what lies beyond the edge presses elsewhere.
-
-    Args:
-        period: between pictures [s].
-    """
+    """Return (T, rows, cols) force [N] of a hand; what lies beyond the edge presses elsewhere."""
     steps = len(hand.force)
     out = np.zeros((steps, mat.rows, mat.cols))
     skin = texture(mat, person.rough, rng)
@@ -357,11 +353,5 @@ GESTURES: dict[str, Callable[[_Stage], np.ndarray]] = {f.__name__[1:]: f for f i
 
 
 def perform(gesture: str, person: Person, mat: Mat, seed: int, period: float) -> np.ndarray:
-    """Return what a performance presses, (T, rows, cols) [N]; it begins and ends untouched.
-
-    Args:
-        gesture: one of GESTURES.
-        seed: of this performance; the same one is the same performance.
-        period: between pictures [s].
-    """
+    """Return what a performance presses, by its seed: (T, rows, cols) [N] every period [s]."""
     return GESTURES[gesture](_Stage(gesture, person, mat, seed, period))
