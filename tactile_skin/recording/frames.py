@@ -210,7 +210,12 @@ def _of_numpy(path, data: bytes, kind: str, circuit: Circuit) -> Found:
         raise FileError(f"{path}: cannot be read: {error}") from error
     if values.dtype.kind not in "fiu":
         raise FileError(f"{path}: holds {values.dtype}: must be numbers")
+    notes = []
+    if values.dtype.kind == "f" and (odd := np.isinf(values)).any():
+        values = np.where(odd, np.nan, values)
+        notes.append(f"{odd.sum()} infinite numbers are taken as not read")
     found = _of_array(path, values, circuit)
+    found.notes[:0] = notes
     if times is not None:
         if times.shape != found.values.shape[:1]:
             raise FileError(
