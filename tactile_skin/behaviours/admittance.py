@@ -5,13 +5,10 @@ The robot moves as a mass m on a damper d would under the push, m dv/dt + d v = 
 hand, and comes to rest when the hand lets go. Below a dead band nothing moves.
 
 The step is the exact solution for a force that holds for the step, v(t + dt) = a v + (1 - a) F / d
-with a = exp(-d dt / m), so that it is stable for any dt: the new velocity lies between the old one
-and F / d, and so does the energy. Limits of speed and acceleration then only shorten the way from
-the old velocity to the new one.
-
-A release slows the robot down within its limits. Whatever else ends a push - a stop for another
-reason, readings that stay away, a stop node that is silent, hands on several sides - is zero at
-once: what the skin says is not known to be true then, and the base has limits of its own.
+with a = exp(-d dt / m), stable for any dt. Limits of speed and acceleration then only shorten the
+way from the old velocity to the new one. A release slows the robot down within its limits. Whatever
+else ends a push - a stop for another reason, readings that stay away, a stop node that is silent,
+hands on several sides - is zero at once.
 """
 
 from __future__ import annotations

@@ -15,9 +15,7 @@ from collections.abc import Callable
 
 from .stop import StopMessage
 
-_SILENCE = (
-    0.25  # s without a message of the stop node, which publishes every 0.02 s, that mean stop
-)
+_SILENCE = 0.25  # s without a message of the stop node, which publishes every 0.02 s: stop
 _RETRY = 0.1  # s before a hook that raised is called again
 _CHECK_PERIOD = 0.05  # s, at most, between two checks of the clock
 _WAITING = 32  # events kept for a hook that is busy
@@ -25,12 +23,7 @@ _FINAL_REASON = "the skin shuts down"
 
 
 class StopMessages:
-    """The last message of each stop node, and what follows from it; times are of one clock [s].
-
-    Args:
-        topics: names of the stop nodes that must all be free.
-        t: from which on they may publish.
-    """
+    """The last message of each stop node, all of which must be free; times are of one clock [s]."""
 
     def __init__(self, topics: list[str], t: float):
         self._messages = {
@@ -72,8 +65,7 @@ class StopHook:
     Args:
         topics: names of the stop nodes that must all be free.
         now: the time by which the readings are stamped [s].
-        heartbeat: the hook is called at least this often, also without a change [s]; None: only
-            at changes.
+        heartbeat: the hook is called at least this often [s]; None: only at changes.
     """
 
     def __init__(
@@ -155,8 +147,8 @@ class StopHook:
 class EventHook:
     """Calls hook(*arguments) for each event, in their order, in a thread of its own.
 
-    An exception is logged, and the next event passed on: an event, unlike a stop, is soon past.
-    While the hook is busy the oldest events that wait are dropped, counted in `dropped`.
+    An exception is logged, and the next event passed on. While the hook is busy the oldest events
+    that wait are dropped, counted in `dropped`.
     """
 
     def __init__(self, hook: Callable[..., object]):

@@ -3,8 +3,7 @@
 
 With `stale_after` = 0 that time follows the board: 2.5 usual intervals, so that one reading may be
 lost and the next come half an interval late. It is at least 0.1 s, since threads and USB hold
-readings back by tens of milliseconds at any rate, and at most 0.5 s: that is the promise, whatever
-a board does, and a board below two readings a second cannot keep it.
+readings back by tens of milliseconds, and at most 0.5 s: that is the promise.
 """
 
 from __future__ import annotations
@@ -27,16 +26,11 @@ _MAX_PARAMETER = 1.0  # s, upper limit of the parameter stale_after
 class Pace:
     """Measures the pace of readings, and so how old the last one may be.
 
-    Attributes:
-    stale_after: how old the last reading may be, in force now [s].
+    Args:
+        stale_after: [s]; 0: measured. The attribute of this name is in force now.
     """
 
     def __init__(self, stale_after: float):
-        """Start without a reading.
-
-        Args:
-        stale_after: [s]; 0: measured.
-        """
         self.forget()
         self.configure(stale_after)
 

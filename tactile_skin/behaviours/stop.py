@@ -94,11 +94,9 @@ class PushLimits(Checked):
 class StopConfig(PushLimits):
     """When to stop, and when to be free again.
 
-    `peak` is for a hard edge, whose cells end before they reach the threshold together. No
-    `debounce` is right where a checksum and a low-pass guard each reading. `lead`: a rising force
-    counts with what it gained since the last reading, times lead over their distance in time, at
-    most once; it makes up for the board's low-pass and the wait for the next frame. What is
-    measured if `stale_after` is 0 is in pace.py.
+    `peak` is for a hard edge, whose cells end before they reach the threshold together. `lead`: a
+    rising force counts with what it gained since the last reading, times lead over their distance
+    in time, at most once; it makes up for the board's low-pass and the wait for the next frame.
     """
 
     peak: float = parameter(

@@ -25,11 +25,7 @@ _DENSE = np.random.default_rng(0).standard_normal((257, 258))
 
 
 class Clock:
-    """Times calls, each beside y: one dense solve of 257 equations, with one thread.
-
-    In time of this thread on its processor: what else the machine does is left out. Taking turns
-    lets a machine that slows down slow both.
-    """
+    """Times calls in thread time, each beside y: one dense solve of 257 equations."""
 
     def __init__(self):
         self.calls, self.solves = [], []  # s

@@ -17,15 +17,10 @@ PARTS = {  # name -> module, and the arguments of its `measure` in full and quic
 
 
 def figures_of(module, arguments: dict, out: Path, quick: bool, seed: int, tqdm) -> dict[str, dict]:
-    """Measure one part, and write NAME.json and NAME.png for each of its figures.
+    """Measure a part, write NAME.json and NAME.png of its figures; return name -> JSON.
 
     Args:
-        module: of the part, with `measure` and DRAW.
-        arguments: of its `measure`.
-        tqdm: progress bar, wraps a list.
-
-    Returns:
-        name -> what stands in its JSON.
+        module: of the part, with `measure`, which takes the arguments, and DRAW.
 
     Raises:
         ModuleNotFoundError: matplotlib is not installed; nothing was measured.

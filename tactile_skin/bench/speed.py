@@ -72,11 +72,7 @@ def measure(n: int, day_frames: int, seed: int, track=lambda items: items) -> di
 
 
 def timed(methods, family: str, readout: str, n: int, scene, circuit: Circuit, curve):
-    """Each method on the same n frames: its name, its clock, its `errors` and times.
-
-    Args:
-        scene: seed of the frames.
-    """
+    """Each method on the same n frames of a seed: its name, its clock, its `errors` and times."""
     rng, noise = np.random.default_rng(scene), NOISE[readout]
     force, adc = frames(family, readout, n, rng, circuit, curve)
     for method in methods:

@@ -1,14 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """What to worry about: each trouble at each strength, and what becomes of the picture.
 
-Readings come from `textile`, a model richer than any solver's. A frame is judged by what a running
-skin has measured of its board before, its rest without a touch and its circuit from 30 earlier
-frames (`measure_rest` and `identify`). The methods are compared on frames alone: by the configured
-circuit and the shipped curve.
-
-A frame *fails* when its mean error on the cells that are touched, or said to be, exceeds 30 g and a
-fifth of their load. It is *reported* if the method calls it suspect or failed or refuses it, or if
-the rest of its board is refused: the robot stops. What fails and is not reported is *silent*.
+A frame is judged by what a running skin has measured of its board before: its rest, and its circuit
+from 30 earlier frames. The methods are compared on frames alone, by the configured circuit and the
+shipped curve. A frame *fails* when its mean error on the cells that are touched, or said to be,
+exceeds 30 g and a fifth of their load. It is *reported* if the method calls it suspect or failed or
+refuses it, or if the rest of its board is refused. What fails and is not reported is *silent*.
 """
 
 from __future__ import annotations
@@ -44,13 +41,7 @@ _COMPARED = 5  # frames of each board that all methods are compared by
 
 
 def measure(n: int, boards: int, seed: int, track=lambda items: items) -> dict:
-    """n frames of each strength of each trouble, on so many boards.
-
-    The same boards and scenes throughout: a row shows the strength alone.
-
-    Returns:
-        the figure "stability" as plain data.
-    """
+    """n frames of each strength of each trouble, on so many boards: the same ones throughout."""
     tasks = [
         (t, k, b)
         for t, trouble in enumerate(TROUBLES)
@@ -129,11 +120,7 @@ class Learnt(NamedTuple):
 
 
 def learn(idle, touches, circuit: Circuit, curve: PressureCurve) -> Learnt:
-    """Measure the rest, and find the circuit.
-
-    Args:
-        idle, touches: (n, rows, cols) frames without a touch, and of touches.
-    """
+    """Measure the rest on (n, rows, cols) idle frames, and find the circuit on touches."""
     tare = Tare(circuit, curve)
     for k, frame in enumerate(idle):
         tare.update(k / _RATE, frame, np.zeros(circuit.shape))
@@ -153,10 +140,7 @@ def learn(idle, touches, circuit: Circuit, curve: PressureCurve) -> Learnt:
 
 
 def judge(adc, force, circuit: Circuit, curve: PressureCurve, method: str, **given) -> Outcome:
-    """Frames (n, rows, cols) under forces (n, rows, cols) [N].
-
-    A refused frame has no estimate: its error is that of saying nothing at all, zero force.
-    """
+    """Frames (n, rows, cols) under forces [N]; a refused one errs like zero force."""
     found, reported = np.zeros(np.shape(force)), np.zeros(len(force), bool)
     for k, frame in enumerate(adc):
         try:
@@ -198,11 +182,7 @@ def _summary(trouble: Trouble, shares: list[dict]) -> dict:
 
 
 def verdict(trouble: Trouble, running: dict) -> str:
-    """Return what becomes of a trouble on a running skin, in some words.
-
-    Args:
-        running: a list for each of "silent", "reported", an entry for each strength.
-    """
+    """Return what becomes of a trouble, whose shares are `running`, on a running skin in words."""
     at = [k for k, strength in enumerate(trouble.strengths) if strength != trouble.sound]
     if max(running["silent"][k] for k in at) > SILENT:
         return trouble.reason

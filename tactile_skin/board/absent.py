@@ -27,28 +27,21 @@ class Absent:
     """Looks for crossings that the board does not read, and the configuration does not name.
 
     A matrix of fabric reads no exact 0 at one crossing while the others of its row and its column
-    read something: through its neighbours current flows to it even without a cell. Where a board
-    prints 0 for what it skips, that is what stands out.
+    read something: current flows to it through its neighbours. A board prints 0 for what it skips.
+
+    Args:
+        named: (rows, cols) bool, crossings that the configuration says are not read.
+        populated: (rows, cols) bool, crossings that carry a cell.
     """
 
     def __init__(self, named: np.ndarray, populated: np.ndarray):
-        """Watch the crossings of a board.
-
-        Args:
-        named: (rows, cols) bool, crossings that the configuration says are not read.
-        populated: (rows, cols) bool, crossings that carry a cell.
-        """
         self._named, self._populated = named, populated
         self._zero = populated & ~named  # always, so far
         self._looking = True  # whether any of these is left
         self._frames = 0
 
     def frame(self, samples: np.ndarray, unread: np.ndarray | None) -> Unread:
-        """Return what the crossings are after this frame.
-
-        Args:
-            unread: (rows, cols) bool, what the board itself says that it did not read.
-        """
+        """Return what is not read after this frame; `unread`: what the board itself says of it."""
         if unread is None and not self._looking:
             return Unread()
         unnamed = np.zeros(self._named.shape, bool) if unread is None else unread & ~self._named

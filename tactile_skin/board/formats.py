@@ -47,10 +47,7 @@ def make_format(protocol: str, values: dict) -> Format:
 
 
 def make_parser(protocol: str, rows: int, cols: int, adc_bits: int, fmt: Format = None) -> Parser:
-    """Return a parser of a protocol named in PROTOCOLS, of a board of this size.
-
-    Args:
-        fmt: of `make_format`; None: the default of the protocol.
+    """Return a parser of a protocol named in PROTOCOLS; without `fmt` of its default format.
 
     Raises:
         ValueError: an unknown protocol, or packets without a description.

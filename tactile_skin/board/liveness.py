@@ -79,12 +79,9 @@ class Delay:
             self._floors.popleft()
 
     def _by_pace(self, elapsed: float) -> None:
-        """Return the lag of a text frame [s], by the frames' pace.
-
-        Of text: a gap may have queued frames. Each of them stands for one usual interval; at the
-        usual pace none is queued, and what is missing was lost. The mean interval is the usual one,
-        since USB delivers frames in groups.
-        """
+        # A gap may have queued frames. Each of them stands for one usual interval; at the usual
+        # pace none is queued, and what is missing was lost. The mean interval is the usual one,
+        # since USB delivers frames in groups.
         usual = math.fsum(self._intervals) / max(len(self._intervals), 1)
         if len(self._intervals) >= _FEW and elapsed > _GAP * usual:
             self._lag, self._stretch = self._lag + elapsed - usual, (0.0, 0)
@@ -128,9 +125,8 @@ _STILL = 0.02  # of a sound board's cells may stay still in that time, at least
 class Repeats:
     """Frames that come again: a scan that froze, or a buffer that is sent in a ring.
 
-    How often a working board repeats a frame depends on its noise, its filter and its number of
-    cells. It is measured, and a repetition is called frozen when chance would bring one as long
-    once in 1e9.
+    How often a working board repeats a frame is measured; a repetition is frozen when chance would
+    bring one as long once in 1e9.
     """
 
     def __init__(self, after: float):
@@ -174,10 +170,9 @@ class Repeats:
 class StillLines:
     """Lines whose cells do not move while those of all others do: a part of the scan is frozen.
 
-    How often a cell of this board stands still for a while is measured: of all of them, and of each
-    by itself, since one that reads the middle of an ADC step moves less. Lines of which each cell
-    stands still are left out of that, and are frozen when chance would make them all stand so long
-    once in 1e9.
+    How often a cell stands still is measured: of all of them, and of each by itself, since one that
+    reads the middle of an ADC step moves less. Lines of which each cell stands still are left out
+    of that, and are frozen when chance would make them all stand so long once in 1e9.
 
     Attributes:
         rows, cols: lines that are frozen by the last frame.

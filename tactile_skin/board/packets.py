@@ -1,10 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Binary frames of another make -> frames, as a description says: head, words, check, tail.
 
-The pattern `FF FF ?? 01` is four bytes in hexadecimal, of which `??` may be any. All packets of a
-board have one size, which follows from the number of cells. Without a check and without a tail a
-packet counts only once the head of the next one stands behind it: it comes one frame late, and no
-packet that lost or gained bytes passes.
+All packets of a board have one size. Without a check and a tail a packet counts only once the head
+of the next one stands behind it: no packet that lost or gained bytes passes.
 """
 
 from __future__ import annotations

@@ -52,10 +52,7 @@ def candidates(serial_number: str = "") -> list[str]:
 
 
 def devices(port: str, serial_number: str = "") -> list[str]:
-    """Return what the port of a `SerialReader` stands for now, links followed; none: not there.
-
-    Two ports that share one of these are one board.
-    """
+    """Return what the port of a `SerialReader` stands for now, links followed; none: not there."""
     names = candidates(serial_number) if port == "auto" else [port]
     return [name if "://" in name else os.path.realpath(name) for name in names]
 
@@ -70,11 +67,7 @@ def nothing_found(serial_number: str = "") -> str:
 
 
 def identity(device: str) -> tuple:
-    """Return what a board is known by when it is plugged in again.
-
-    These are its USB ids, and its serial number or, where it has none, its USB socket; the
-    device's name where it is not on USB.
-    """
+    """Return what a board is known by when it is plugged in again: USB ids, number or socket."""
     for port in list_ports.comports():
         if port.device == device and port.vid is not None:
             return port.vid, port.pid, port.serial_number or port.location
@@ -84,9 +77,7 @@ def identity(device: str) -> tuple:
 def check_port(port: str, serial_number: str = "", absent: bool = True) -> None:
     """Raise ValueError, saying what there is, if the port is not there or no serial device.
 
-    Args:
-        serial_number: as of `SerialReader`.
-        absent: whether a port that is not there is wrong; else it may come.
+    Without `absent` a port that is not there is right: it may come.
     """
     found = ", ".join(candidates()) or "none"
     if port == "auto":

@@ -121,7 +121,6 @@ def serve(
         tick: from one turn to the next [s].
         turn: of the board: takes its port, and by how much it is late [s]; returns the time that
             is left out for that [s].
-        on_ready: called once the link is there.
 
     Raises:
         ValueError, FileNotFoundError, FileExistsError: as `open_terminal`.

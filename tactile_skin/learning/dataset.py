@@ -78,9 +78,7 @@ def make_pairs(circuit, curve, n: int, network_kind: str, readout: str, seed, tr
     Args:
         network_kind: of `network.NETWORKS`: what the inputs are.
         readout: of `CHOICES`.
-        seed: an int or a tuple of them; chunks are seeded by number, so that the result does not
-            depend on how the work is divided.
-        track: wraps the iterable of chunks, for a progress bar.
+        seed: an int or a tuple of them; chunks are seeded by number.
 
     Returns:
         (n, channels, rows, cols) inputs, (n, rows, cols) force [N], both float32.

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What its neighbours say of a cell, given how well each is known: a small network.
 
-It works on x = log conductance, whatever the skin's size, circuit or curve: convolutions only, and
-all that it sees is relative to rest or to a standard deviation. `map` takes its answer as a prior
-(solvers/prior.py). PyTorch trains it (benchmarks/training/train_prior.py); here the pass is a few
-products of matrices.
+It works on x = log conductance, whatever the skin's size, circuit or curve: all that it sees is
+relative to rest or to a standard deviation. `map` takes its answer as a prior (solvers/prior.py).
+PyTorch trains it (benchmarks/training/train_prior.py).
 """
 
 from __future__ import annotations

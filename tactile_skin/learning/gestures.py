@@ -62,10 +62,7 @@ class Glances(NamedTuple):
 def table_of(takes: Sequence[Take], reach: float = REACH, track=iter, jobs: int = 1) -> Table:
     """Return the features of takes; those without a touch are left out.
 
-    Args:
-        reach: touches within it of each other are one gesture [m]: large, and two hands are one.
-        track: wraps the takes, for a progress bar.
-        jobs: processes, as of `extras.each`.
+    With a large `reach` [m] two hands are one gesture.
     """
     features, where, weight, end = [], [], [], []
     of_each = each(functools.partial(glances, reach=reach), track(takes), jobs)
@@ -109,11 +106,7 @@ def glances(take: Take, reach: float = REACH) -> list[Glances]:
 
 
 def train(table: Table, about: dict, trees: int = TREES) -> GestureModel:
-    """Train a recogniser.
-
-    Args:
-        table: two classes or more, two takes of each.
-        about: what the model says of its data.
+    """Train a recogniser on two classes or more, two takes of each.
 
     Raises:
         ModuleNotFoundError: scikit-learn is missing.
@@ -140,10 +133,7 @@ def sharpness_of(table: Table, shares: np.ndarray) -> float:
 
 
 def left_out(table: Table, trees: int = TREES) -> np.ndarray:
-    """Return (rows, classes) shares of each row by a forest and a line that knew not its person.
-
-    Where a gesture is of one person only, by those that knew not its take.
-    """
+    """Return (rows, classes) shares of each row by a forest and a line that knew not its person."""
     classes, label = np.unique(table.label, return_inverse=True)
     groups = _folds(table)
     shares = np.zeros((len(label), len(classes)))
@@ -157,10 +147,7 @@ def left_out(table: Table, trees: int = TREES) -> np.ndarray:
 
 
 def _folds(table: Table) -> np.ndarray:
-    """Return (rows,) the group that each row is left out with.
-
-    Groups are of people, or of takes where one person alone has made a gesture.
-    """
+    """Return the group of each row: of people, or of takes if one person made a gesture."""
     person = np.unique(table.person, return_inverse=True)[1]
     alone = any(len(np.unique(person[table.label == label])) == 1 for label in set(table.label))
     return (table.take if alone else person) % FOLDS
@@ -169,15 +156,7 @@ def _folds(table: Table) -> np.ndarray:
 def fit(
     table: Table, label: np.ndarray, use: np.ndarray, trees: int = TREES, seed: int = 0
 ) -> tuple[Forest, Logistic]:
-    """Fit a forest and a line to some rows of a table.
-
-    Args:
-        label: (rows,) number of each row's class.
-        use: (rows,) bool.
-
-    Raises:
-        ModuleNotFoundError: scikit-learn is missing.
-    """
+    """Fit a forest and a line to the rows of a table in `use`, of classes numbered in `label`."""
     from sklearn.ensemble import ExtraTreesClassifier
     from sklearn.linear_model import LogisticRegression
 

@@ -37,8 +37,7 @@ def simulated(
     Args:
         people: their numbers; the same one is the same person.
         repetitions: of each gesture by each person.
-        happenings: of each event, which stand for so many different "people"; of contacts of any
-            kind ANYTHING times as many.
+        happenings: of each event; of contacts of any kind ANYTHING times as many.
     """
     for number in people:
         person = Person(number)

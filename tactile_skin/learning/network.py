@@ -1,11 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The learned inverses at work: weights on disk, and one pass through a network.
 
-Two networks: the paper's, which sees the ADC picture alone, and one of the same size that is fed
-with what the circuit's physics says for a few microseconds (`physics_inputs`).
-
-PyTorch trains them (training.py); here the pass is a handful of matrix products, which for one
-frame takes a third of PyTorch's time and spares a robot the import. A test holds the two equal.
+The paper's sees the ADC picture alone; one of the same size is fed with what the circuit's physics
+says (`physics_inputs`). PyTorch trains them (training.py); here the pass is a handful of products
+of matrices, which takes a third of PyTorch's time. A test holds the two equal.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The optimiser of the trainings: Adam along the axes in which each layer's gradients vary.
 
-SOAP (Vyas et al., "SOAP: Improving and Stabilizing Shampoo using Adam", 2024). Adam scales each
-weight on its own; where the taps of a layer see much the same, as they do here, it takes several
-times the steps (docs/lab/training.md).
+SOAP (Vyas et al., "SOAP: Improving and Stabilizing Shampoo using Adam", 2024); Adam takes several
+times the steps here (docs/lab/training.md).
 """
 
 from __future__ import annotations
@@ -16,12 +15,7 @@ _TURN = 10  # steps from one turn of the axes to the next: the paper's
 
 
 class Soap(torch.optim.Optimizer):
-    """Adam in the axes in which each layer's gradients vary (SOAP).
-
-    Args:
-    params: tensors, of each of which the first axis counts a layer's outputs.
-    lr: length of a step.
-    """
+    """Adam in the axes in which the gradients of each layer (outputs, ...) vary."""
 
     def __init__(self, params, lr: float):
         super().__init__(params, {"lr": lr})

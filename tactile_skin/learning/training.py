@@ -31,10 +31,7 @@ _USUAL = 0.03  # mean load of a frame that counts once
 
 
 class _Net(nn.Module):
-    """A network of the given inputs, which are standardised: fixed, not trained.
-
-    Without it a third of the runs dies at once.
-    """
+    """A network of standardised inputs: without that a third of the runs dies at once."""
 
     input_mean: torch.Tensor
     input_std: torch.Tensor
@@ -72,9 +69,8 @@ class PaperNet(_Net):
 class PhysicsNet(_Net):
     """What the physics says -> force picture: the paper's later stages, 5,078 parameters.
 
-    Its inputs, `network.physics_inputs`, hold what the paper's row and column kernels had to
-    guess. Its outputs say what to add to the fixed point's force and by how much to scale it: with
-    0 and 0 the answer is that of the fixed point, with a scale of -1 the network's own.
+    Its inputs are `network.physics_inputs`. Its outputs say what to add to the fixed point's force
+    and by how much to scale it: with a scale of -1 the answer is the network's own.
     """
 
     def __init__(self):
@@ -106,11 +102,7 @@ def _through(x, context, head):
 
 
 def _last(force, training: bool):
-    """Apply the output neuron: a ReLU, which leaks in training.
-
-    Most cells are at rest, so that the answer 0 everywhere is tempting, and a plain ReLU would
-    never come back from it.
-    """
+    """Apply the output neuron: a ReLU, which leaks in training, so that 0 everywhere is no end."""
     return nn.functional.leaky_relu(force, _LEAK if training else 0.0)
 
 
@@ -118,8 +110,7 @@ def make_net(kind: str, rows: int, cols: int) -> PaperNet | PhysicsNet:
     """Make a new network of `network.NETWORKS`, He-initialised from torch's global seed.
 
     The physics network starts as the fixed point: its last weights are 0. Of the paper's, neurons
-    that have no sibling start open: the last by its bias, the line kernels as means of their line.
-    With random signs none of ten runs kept both, and six lost both for good.
+    that have no sibling start open: with random signs six of ten runs lost both for good.
     """
     net = PaperNet(rows, cols) if kind == "paper" else PhysicsNet()
     parameters = dict(net.named_parameters())
@@ -269,10 +260,7 @@ def _state_of(config: TrainingConfig, shape: tuple[int, int]) -> dict:
 def _pairs(
     circuit: Circuit, curve: PressureCurve, config: TrainingConfig, which: str, device: str, track
 ) -> tuple[torch.Tensor, torch.Tensor]:
-    """Make the pairs "train" or "validation" on a device: inputs, and force as a share of the end.
-
-    Shapes are those of `make_pairs`; the end is the curve's largest force.
-    """
+    """Make the pairs "train" or "validation": inputs, and force as a share of the curve's end."""
     validation = which == "validation"
     n = config.validation if validation else config.pairs
     inputs, force = make_pairs(
@@ -296,13 +284,7 @@ def _train_epoch(
     epoch: int,
     track,
 ) -> float:
-    """Train the net on all pairs once, in an order of the epoch's own; return the mean loss.
-
-    Args:
-        pairs: as `_pairs` makes them.
-        epoch: its number, from 0.
-        track: as in `train`.
-    """
+    """Train the net on all pairs once, in an order of the epoch's own; return the mean loss."""
     inputs, target = pairs
     steps = math.ceil(config.pairs / config.batch)
     order = torch.randperm(

@@ -2,8 +2,7 @@
 """Tell readings that somebody processed from what an ADC reads, by a window of frames.
 
 An untouched fabric conducts, and every reading has noise. A stream in which usual cells read 0 was
-cut there: an offset or a threshold was taken off, or the ADC resolves no more. Which of these, its
-other numbers tell; where they do not, nothing is said.
+cut there: an offset or a threshold was taken off, or the ADC resolves no more.
 """
 
 from __future__ import annotations

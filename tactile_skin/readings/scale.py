@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the numbers of a file are: ADC steps, ratios, volts, or pictures that somebody processed.
 
-A file does not say its scale. What cannot be what an ADC reads is refused by what was seen; what
-may be two things is refused until `full_scale` says which.
+What cannot be what an ADC reads is refused by what was seen; what may be two things is refused
+until `full_scale` says which.
 """
 
 from __future__ import annotations
@@ -91,10 +91,7 @@ def _on_grid(ratios: np.ndarray, bits: int) -> bool:
 
 
 def without_sentinel(values: np.ndarray) -> tuple[np.ndarray, int]:
-    """Return frames with NaN in place of -1, and how many there were.
-
-    Only where no other number is below 0: -1 then stands for no value.
-    """
+    """Return frames with NaN for -1, and how many, where no other number is below 0."""
     below = values < 0
     if not below.any() or (values[below] != -1).any():
         return values, 0

@@ -35,27 +35,10 @@ def new_topics(node, heard: set[str]) -> Iterator[tuple[str, type[Message]]]:
 
 @functools.cache
 def mcap():
-    """Return the library of the container.
-
-    Raises:
-        ModuleNotFoundError: it is not installed.
-    """
+    """Return the library of the container (ModuleNotFoundError: it is not installed)."""
     for part in _PARTS:
         _load(f"mcap.{part}")
     return _load("mcap")
-
-
-def read_record(file):
-    """Return the record of MCAP that stands in a file, and the records in it: of a chunk, its own.
-
-    Raises:
-        Exception: of the checksum, or of the library that decompresses.
-    """
-    library = mcap().stream_reader
-    record = next(library.StreamReader(file, skip_magic=True, emit_chunks=True).records)
-    if isinstance(record, mcap().records.Chunk):
-        return record, library.breakup_chunk(record, validate_crc=True)
-    return record, [record]
 
 
 @functools.cache
@@ -90,11 +73,7 @@ def encode(message: Message) -> bytes:
 
 
 def decode(kind: type[_M], data: bytes) -> _M:
-    """CDR -> a message of msg.py.
-
-    Raises:
-        ValueError: bytes that are no such message.
-    """
+    """CDR -> a message of msg.py (ValueError: bytes that are no such message)."""
     try:
         return from_ros(kind, _store().deserialize_cdr(data, kind.TYPE))
     except Exception as error:  # of generated code: whatever a wrong byte leads to

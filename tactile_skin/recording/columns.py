@@ -2,7 +2,7 @@
 """Tell the cells of a table from its other columns: time, date, counter, label.
 
 A column is known by its name, or by what it does: it is text, rises by one, rises, repeats, takes
-few small values. Where that does not tell which end of a line holds no cell, nothing is guessed.
+few small values. Otherwise nothing is guessed.
 """
 
 from __future__ import annotations
@@ -122,10 +122,7 @@ def _median(values: np.ndarray) -> float:
 
 
 def _role(column: Column, cycle: int, level: float) -> tuple[Role, float] | None:
-    """Return what the column is, and the weight of what shows it; None: it may be a cell.
-
-    Cells read `level` at least.
-    """
+    """Return what the column is, and the weight of what shows it; cells read `level` at least."""
     values = column.numbers[: _used(column)]
     steps = np.diff(values)
     one = len(steps) > 1 and (steps == 1.0).mean() >= _MOSTLY
@@ -149,10 +146,7 @@ def _role(column: Column, cycle: int, level: float) -> tuple[Role, float] | None
 
 
 def _role_by_name(name: str, counts: bool) -> Role | None:
-    """Return what a column is by its name; None: that shows nothing.
-
-    A time without a unit whose values rise by one (`counts`) is a counter.
-    """
+    """Return what a column is by its name; a time without a unit that `counts` is a counter."""
     if is_time_name(name):
         return Role.COUNTER if counts and not unit_of(name) else Role.TIME
     if _COUNTER.match(name):
@@ -161,11 +155,7 @@ def _role_by_name(name: str, counts: bool) -> Role | None:
 
 
 def _role_by_lines(values: np.ndarray, cycle: int) -> Role | None:
-    """Return what (n,) integers are by how they run through the `cycle` lines of each frame.
-
-    What counts the lines of a frame is a label, the row of a line; what stays within a frame and
-    rises from one to the next is a counter. None: neither.
-    """
+    """Return whether (n,) integers are the row of a line, or count frames of `cycle` lines."""
     lines = values[: len(values) // cycle * cycle].reshape(-1, cycle)
     within = np.diff(lines, axis=1)
     if len(lines) and (within == 1.0).all():
@@ -176,10 +166,7 @@ def _role_by_lines(values: np.ndarray, cycle: int) -> Role | None:
 
 
 def _weight_of_label(values: np.ndarray, level: float) -> float | None:
-    """Return the weight of what shows that (n,) integers are a label; None: they may be a cell's.
-
-    Cells read `level` at least.
-    """
+    """Return the weight of what shows that (n,) integers are a label; None: of a cell, maybe."""
     few = len(np.unique(values)) <= min(_CLASSES, max(len(values) // 3, 1))
     if not few or values.min() < -1.0 or values.max() > _LARGEST_LABEL:
         return None
@@ -204,10 +191,8 @@ def _used(column: Column) -> int:
 def times(columns: list[Column], notes: list[str], places: list[str]) -> np.ndarray | None:
     """Return the seconds that columns of times say, (n,), NaN where they say none.
 
-    A day and a time of day in two columns are added up. What is assumed goes to `notes`.
-
-    Args:
-        places: of each column, for a person: "the first column".
+    A day and a time of day in two columns are added up. What is assumed of the column, named as in
+    `places`, goes to `notes`.
     """
     dated = [(stamps(c.words), c) if c.is_text else (None, c) for c in columns]
     texts = [found for found, _ in dated if found is not None]
@@ -262,10 +247,7 @@ class Stamps(NamedTuple):
 
 
 def stamps(words: Sequence[str]) -> Stamps | None:
-    """Return what dates or times of day say; None: most of the texts are neither.
-
-    ISO 8601 and its usual variants, days with the year in front or behind, am and pm.
-    """
+    """Return what dates or times of day say; None: most of the texts are neither."""
     for day, clock in product(_DAYS, _CLOCKS):
         written = f"{day} {clock}".strip()
         if not written or all(_seconds(word, written) is None for word in words[:_TRIED]):
@@ -295,11 +277,7 @@ def _past_midnight(seconds: np.ndarray) -> np.ndarray:
 
 
 def spread(stamps: np.ndarray) -> np.ndarray | None:
-    """Return (n,) times of a clock that is coarser than the frames, spread evenly; None: it is not.
-
-    Args:
-        stamps: (n,) that repeat [s].
-    """
+    """Return (n,) stamps [s] of a clock coarser than the frames, spread evenly; None: it is not."""
     steps = np.diff(stamps)
     if len(steps) < 2 or (steps < 0.0).any() or not (steps == 0.0).mean() > _REPEATED:
         return None

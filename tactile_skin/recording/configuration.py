@@ -16,11 +16,7 @@ _LARGEST = 16 << 20  # bytes of such a file
 
 
 def attachments(parameters: dict[str, dict]) -> dict[str, bytes]:
-    """Name -> bytes.
-
-    Args:
-        parameters: node's full name -> {parameter: value}.
-    """
+    """Name -> bytes, of node's full name -> {parameter: value}."""
     sections = {node: {"ros__parameters": values} for node, values in parameters.items()}
     found = {PARAMETERS: yaml.safe_dump(sections, sort_keys=False).encode()}
     for values in parameters.values():

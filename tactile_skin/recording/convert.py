@@ -63,8 +63,6 @@ def to_recording(frames: Frames, path, skin: SkinConfig, config, rate: float, st
     """Make a recording of skin/adc from the frames of a foreign board.
 
     Args:
-        path: MCAP file to make.
-        skin: how the board reads.
         config: parameter file to attach; None: none.
         rate: frames a second, of frames without times.
         start: stamp of the first frame [ns since 1970].

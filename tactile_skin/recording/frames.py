@@ -40,11 +40,7 @@ class Frames(Found):
     are_ratios: bool = False  # whether `values` are ratios from 0 to 1, and not ADC steps
 
     def ratio(self, adc: Adc) -> np.ndarray:
-        """(n, rows, cols) ADC ratio; NaN: not read.
-
-        Raises:
-            FileError: numbers beyond the ADC's range.
-        """
+        """(n, rows, cols) ADC ratio; NaN: not read (FileError: numbers beyond the ADC's range)."""
         if self.are_ratios:
             return self.values
         self._check_range(adc.circuit)
@@ -177,11 +173,6 @@ def is_recording(path) -> bool:
 def recorded_skin(path, config=None, namespace: str = "") -> SkinConfig:
     """Return the configuration of a parameter file, or else what a recording was made with.
 
-    Of other files, all defaults.
-
-    Args:
-        namespace: of the skin, where a recording holds several.
-
     Raises:
         FileError, OSError: as Recording.
     """
@@ -236,8 +227,7 @@ def _of_numpy(path, data: bytes, kind: str, circuit: Circuit) -> Found:
 
 def _of_array(path, values: np.ndarray, circuit: Circuit) -> Found:
     """Return the frames of an array, by its shape."""
-    shape, size = circuit.shape, circuit.rows * circuit.cols
-    given = values.shape
+    shape, given = circuit.shape, values.shape
     if values.ndim > 3 or (values.ndim == 3 and shape not in (given[1:], given[:2])):
         values = values.reshape([n for n in given if n > 1])  # (n, 1, rows, cols) of a network
     if values.shape == shape:
@@ -246,9 +236,6 @@ def _of_array(path, values: np.ndarray, circuit: Circuit) -> Found:
         return Found(values)
     if values.ndim == 3 and values.shape[:2] == shape:
         return Found(np.moveaxis(values, -1, 0), None, ["the last axis is taken as the frames"])
-    if values.ndim == 2 and len(values) == size and values.shape[1] not in (size, circuit.cols):
-        notes = ["each line is taken as a cell, each column as a frame"]
-        return Found(values.T.reshape(-1, *shape), None, notes)
     if values.ndim == 2:
         return frames_of(Table.of_numbers(values), circuit)
     raise _wrong_size(path, given, circuit)

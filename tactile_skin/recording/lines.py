@@ -36,11 +36,7 @@ class Line(NamedTuple):
 
 
 def read_text(text: str, circuit: Circuit) -> Found:
-    """Return the frames of a text.
-
-    Raises:
-        ValueError: it holds none, or lines of another size.
-    """
+    """Return the frames of a text (ValueError: it holds none, or lines of another size)."""
     lines = text.splitlines()
     numeric, texts = sort_lines(lines)
     if not numeric:

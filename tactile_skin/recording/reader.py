@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import struct
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -22,10 +21,7 @@ from . import cdr, configuration
 _M = TypeVar("_M", bound=Message)
 ADC, TAKEN = "skin/adc", "skin/taken"
 _MAGIC, _VERSION = b"\x89MCAP", b"0\r\n"
-_FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _ATTACHMENT = 2, 3, 4, 5, 6, 9  # MCAP's opcodes
-_READ = _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _ATTACHMENT
-_RECORD = struct.Struct("<BQ")  # opcode, length
-EVER = 2**63
+EVER = 2**63  # ns since 1970: after all recordings
 
 
 @dataclass(frozen=True)
@@ -168,10 +164,7 @@ class Recording:
     def readings(
         self, begin: int = 0, end: int = EVER
     ) -> Iterator[tuple[int, Image | DiagnosticArray]]:
-        """Return what the skin's driver published, by its stamps [ns since 1970].
-
-        These are skin/adc, and its own diagnostics; of a part, as `messages`.
-        """
+        """Return skin/adc and the driver's own diagnostics, by their stamps [ns since 1970]."""
         here = self.adc_topic.removesuffix(ADC)
         driver = f"{here}serial_driver".lstrip("/")
         topics = self.adc_topic, self.diagnostics_topic
@@ -184,11 +177,7 @@ class Recording:
                 yield Time.from_msg(message.header.stamp).nanoseconds, message
 
     def taken(self, begin: int = 0, end: int = EVER) -> dict[int, int]:
-        """Stamp of a reading -> when the skin's compensation took it up [both ns since 1970].
-
-        Args:
-            begin, end: only what was recorded from begin to before end [ns since 1970].
-        """
+        """Stamp of a reading -> when the skin's compensation took it up [both ns since 1970]."""
         topic = self.adc_topic.removesuffix(ADC) + TAKEN
         if topic not in self.topics:
             return {}
@@ -271,35 +260,33 @@ class Recording:
 
         What is damaged is left out, and named in `damage`. Of a part only its chunks are read.
         """
-        damaged, whole, size = 0, False, self.path.stat().st_size
+        library, size = cdr.mcap(), self.path.stat().st_size
         start, stop = len(_MAGIC + _VERSION), size
         within = [at for at, first, last in self._chunks if last >= begin and first < end]
         if part := bool(self._chunks) and (begin > 0 or end < EVER):
             start, stop = (within[0], within[-1] + 1) if within else (size, size)
-        chunks = []
+        damaged, whole, chunks = 0, False, []
         with self.path.open("rb") as file:
             good = file.seek(start)
-            while good < stop and len(head := file.read(_RECORD.size)) == _RECORD.size:
-                kind, length = _RECORD.unpack(head)
-                after = good + _RECORD.size + length
-                if after > size:
+            reader = library.stream_reader.StreamReader(file, skip_magic=True, emit_chunks=True)
+            records = reader.records
+            while good < stop:
+                try:
+                    record = next(records)
+                except StopIteration:  # it ends as it should
+                    whole = True
                     break
-                if kind in _READ:
-                    file.seek(good)
+                except Exception:  # cut off, or damaged: whatever wrong bytes lead to
+                    break
+                found = [record]
+                if isinstance(record, library.records.Chunk):
                     try:
-                        record, found = cdr.read_record(file)
+                        found = library.stream_reader.breakup_chunk(record, validate_crc=True)
+                        chunks.append((good, record.message_start_time, record.message_end_time))
                     except Exception:  # whatever the decompression makes of wrong bytes
                         damaged, found = damaged + 1, []
-                    else:
-                        if kind == _CHUNK:
-                            chunks.append(
-                                (good, record.message_start_time, record.message_end_time)
-                            )
-                    yield from self._wanted(found, begin, end, topics)
-                good = file.seek(after)
-                if kind == _FOOTER:
-                    whole = file.read() == _MAGIC + _VERSION
-                    break
+                yield from self._wanted(found, begin, end, topics)
+                good = file.tell()
         said = [f"{damaged} damaged chunks are left out"] if damaged else []
         if part and not damaged:
             return
@@ -321,5 +308,5 @@ class Recording:
                     yield record.channel_id, record.log_time, record.data
             elif isinstance(record, library.Attachment):
                 self.attachments[record.name] = record.data
-            else:
+            elif isinstance(record, (library.Schema, library.Channel)):
                 self._declare(record)

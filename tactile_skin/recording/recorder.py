@@ -21,22 +21,16 @@ _WAITING = 20_000  # messages that may wait for the disk: 10 s of a skin at 100 
 _TURN = 0.1  # s between two looks at what waits: nobody wakes the thread for each message
 _FLUSH = 0.5  # s between two ends of a chunk: what a kill loses
 _AFTER = 2.0  # s that a recording of what led to a stop goes on after it
-_SLICE = (
-    2000  # messages of it that a turn writes: 10 ms of Python, so that other threads get theirs
-)
+_SLICE = 2000  # messages of it that a turn writes: 10 ms of Python, then other threads get theirs
 
 
 @dataclass(frozen=True)
 class Limits:
-    """When a recording ends, and what of it is kept.
+    """When a recording ends, and what of it is kept."""
 
-    duration: longest recording [s]; size: largest, all its files together [bytes]; last: keep
-    no more than so long before each stop, and 2 s after it [s]; 0: keep everything.
-    """
-
-    duration: float = float("inf")
-    size: float = float("inf")
-    last: float = 0.0
+    duration: float = float("inf")  # [s]
+    size: float = float("inf")  # of all its files together [bytes]
+    last: float = 0.0  # s before each stop that are kept, and 2 s after it; 0: everything is
 
 
 class _LimitError(Exception):
@@ -48,9 +42,7 @@ class Recorder:
 
     Args:
         path: file to make, .mcap is added where it has no suffix; or folder for files named after
-            their time: one that is there, or a name that ends in /, which is made. With
-            `limits.last` the time of the stop is part of each file's name.
-        limits: after which it ends.
+            their time: one that is there, or a name that ends in /, which is made.
         attachments: name -> bytes.
         now: the time [ns since 1970].
 

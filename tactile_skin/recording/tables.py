@@ -181,10 +181,8 @@ def _damaged(table: Table, cells: range) -> np.ndarray:
 
 
 def _first_lines(runs: np.ndarray, lines: int) -> np.ndarray:
-    """Return the first line of each frame.
-
-    Of a run with a remainder nobody knows which lines are missing, but for the last one's end.
-    """
+    """Return the first line of each frame."""
+    # of a run with a remainder nobody knows which lines are missing, but for the last one's end
     begins = np.flatnonzero(np.diff(runs, prepend=runs[0] - 1)) if len(runs) else np.zeros(0, int)
     found: list[int] = []
     for begin, end in zip(begins, [*begins[1:], len(runs)], strict=True):

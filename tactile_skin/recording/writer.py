@@ -21,9 +21,6 @@ class Writer:
         attachments: name -> bytes, to be written first.
         now: time of the attachments [ns since 1970].
 
-    Attributes:
-        seconds: from the first message's time to the last one's.
-
     Raises:
         FileError: the file is there already.
         OSError: it cannot be written; so do all methods.

@@ -50,11 +50,9 @@ class Step:
 class Replay:
     """Iterate over it once: a Step for each reading that compensation takes.
 
-    The nodes have the parameters that they were recorded with. With these, each reading comes when
-    the robot took it up (skin/taken): one that was late is skipped again, or given to the fast
-    method again, and the pressure is the same to the bit, but for frames that timed out. With
-    another method or configuration, or in a recording without skin/taken, each reading
-    comes at its stamp, and none is late.
+    With the recorded parameters each reading comes when the robot took it up (skin/taken): one that
+    was late is skipped, or given to the fast method again, and the pressure is the same to the bit,
+    but for frames that timed out. With others, or without skin/taken, each comes at its stamp.
 
     Args:
         source: the recording.
@@ -200,11 +198,7 @@ _STEP = 10**14  # ns of which a float holds each
 
 
 class Driven:
-    """Nothing of the launch file's commands is started, and no time limit is kept by itself.
-
-    Args:
-        plan: of the nodes.
-        start: what the clock shows at first [ns since 1970].
+    """The nodes of a plan on a clock that is driven; nothing of the launch file's is started.
 
     Attributes:
         nodes: executable -> node.

@@ -85,11 +85,9 @@ def collect(
 ) -> Results:
     """Replay a recording as fast as possible.
 
-    Several processes take parts of five minutes. Each part begins 10 s early, anew: their results
-    are near those of one process, which are the robot's, but not the same to the bit.
-
     Args:
-        jobs: processes.
+        jobs: processes. Several take parts of five minutes, each begun 10 s early, anew: near the
+            results of one, which are the robot's, but not the same to the bit.
         track: of an iterable and its length, shows how far it is.
 
     Raises:
@@ -138,11 +136,7 @@ class Compared:
 def compare(
     job: Job, methods: list[str], track: Callable[[Iterable], Iterable] = lambda steps: steps
 ) -> Compared:
-    """Replay a recording with each of the methods, reading by reading.
-
-    Raises:
-        ValueError: fewer than two methods, or as `collect`.
-    """
+    """Replay a recording with each of two methods or more (else ValueError), reading by reading."""
     if len(methods) < 2:
         raise ValueError(f"methods {', '.join(methods)}: give two or more")
     kept: list[list] = [[] for _ in methods]
@@ -165,14 +159,8 @@ def table(compared: Compared) -> str:
     first, reference = compared.results[0], compared.methods[0]
     touched = first.peak > _TOUCHED
     head = (
-        "method",
-        *STATUS,
-        "stops",
-        "time stopped",
-        "total while touched",
-        f"a cell from {reference}",
-        "solved in, p50",
-        "p99",
+        *("method", *STATUS, "stops", "time stopped", "total while touched"),
+        *(f"a cell from {reference}", "solved in, p50", "p99"),
     )
     lines: list[tuple[str, ...]] = [head]
     for name, found, cell in zip(compared.methods, compared.results, compared.cell, strict=True):

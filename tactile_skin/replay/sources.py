@@ -30,11 +30,7 @@ class Recorded:
         self._adc, self._default, self._given = adc, rate or _RATE, (rate, full_scale)
 
     def open(self, path: str) -> None:
-        """Open a file of frames.
-
-        Raises:
-            FileError, OSError: as read_frames.
-        """
+        """Open a file of frames (FileError, OSError: as read_frames)."""
         rate, full_scale = self._given
         found = read_frames(path, self._adc.circuit, rate=rate, full_scale=full_scale)
         for note in found.notes:

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Touches that no solver's model was made for: bodies off the grid, and real pressure pictures.
 
-Both are drawn on a grid finer than the cells and averaged over each cell, so that no edge lies on a
-cell's border but by chance, and no footprint is a product of a function of the row and one of the
-column.
+Both are drawn on a grid finer than the cells and averaged over each cell: no edge lies on a cell's
+border but by chance.
 """
 
 from __future__ import annotations
@@ -27,11 +26,8 @@ _TOUCHED = 0.05  # share of the cells that a crop of a picture must load
 def bodies(n: int, rows: int, cols: int, rng: np.random.Generator, half=_HALF) -> np.ndarray:
     """Draw (n, rows, cols) load [g] of one to four bodies each.
 
-    Ellipses with Hertz's pressure, flat boxes, rings and kites; placed and turned at random, with
-    a smooth texture of 25 % and 5 % of noise a cell.
-
-    Args:
-        half: of the sides, the shortest and the longest [cells].
+    Ellipses with Hertz's pressure, flat boxes, rings and kites with half sides of `half` [cells],
+    placed and turned at random, with a smooth texture of 25 % and 5 % of noise a cell.
     """
     y, x = (np.mgrid[0 : rows * _FINE, 0 : cols * _FINE] + 0.5) / _FINE - 0.5
     longest = max(half[1] * min(1.0, min(rows, cols) / 12), 1.0)

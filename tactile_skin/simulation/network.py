@@ -111,8 +111,7 @@ def between_leads(conductance: np.ndarray, wiring: Wiring) -> np.ndarray:
 def driven_ratio(conductance: np.ndarray, wiring: Wiring, circuit: Circuit) -> np.ndarray:
     """ADC ratio of a loaded or grounded matrix, by Kirchhoff's laws for all its nodes at once.
 
-    Each sense address has its resistor on the board's side of its lead, each drive address its
-    driver. One that selects nothing reads 0, and drives nothing. As `voltage_ratio`.
+    An address that selects nothing reads 0, and drives nothing. As `voltage_ratio`.
     """
     nodal = nodal_matrix(conductance, wiring)
     cols = np.where(wiring.cols == NOWHERE, NOWHERE, wiring.cols + wiring.stripes[0])

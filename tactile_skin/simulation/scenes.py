@@ -103,12 +103,7 @@ def read_out(circuit: Circuit, adc: np.ndarray, readout: str, rng: np.random.Gen
 
 
 def finger(rows: int, cols: int, row: float, col: float, newtons: float, width: float = 0.9):
-    """Return a fingertip pressed on the skin: (rows, cols) force [N], summing to `newtons`.
-
-    Args:
-        row, col: centre, in cells.
-        width: standard deviation of its pressure, in cells.
-    """
+    """Return a fingertip pressed at (row, col): (rows, cols) force [N]; width: std in cells."""
     y, x = np.arange(rows)[:, None], np.arange(cols)[None, :]
     distance2 = (y - row) ** 2 + (x - col) ** 2
     shape = np.where(distance2 < (3.0 * width) ** 2, np.exp(-distance2 / (2 * width**2)), 0.0)
@@ -191,13 +186,11 @@ SCRIPTS = {scene.__name__[1:]: scene for scene in _ALL}
 def script(name: str, rows: int, cols: int):
     """Return a scripted scene: function of the time [s] that gives (rows, cols) force per cell [N].
 
-    What it prepares is prepared here, so that a board's first scan is on time.
-
     Raises:
         ValueError: an unknown name.
     """
     if name not in SCRIPTS:
         raise ValueError(f"scene {name!r}: must be one of {', '.join(SCRIPTS)}")
     scene = SCRIPTS[name]
-    scene(0.0, rows, cols)
+    scene(0.0, rows, cols)  # what it prepares is there at a board's first scan
     return lambda t: scene(t, rows, cols)

@@ -2,8 +2,7 @@
 """The simulated board: the real bytes, on a real serial device (a pseudo-terminal).
 
 It does what the ATmega328P does: scan the matrix, low-pass every sample in integers, send a frame
-now and then. Its fabric's cells differ at rest, as any fabric's do. `Board` is the electronics and
-knows no port; `serve` puts it behind a pty.
+now and then. `Board` is the electronics and knows no port; `serve` puts it behind a pty.
 """
 
 from __future__ import annotations

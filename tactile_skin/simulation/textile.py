@@ -1,10 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far a skin is from what the solvers know of it: each effect by its strength.
-
-The solvers know stripes without resistance, cells on one curve and a frame read in an instant.
-Here stripes have resistance, are cut and touch one another; cells scatter, leak sideways and stick;
-the board drifts, saturates and reads one row after the other while the contact moves.
-"""
+"""How far a skin is from what the solvers know of it: each effect by its strength."""
 
 from __future__ import annotations
 
@@ -45,11 +40,7 @@ class Textile:
     full_scale: int = 0  # lines whose samples read full scale whatever is connected
 
     def draw(self, circuit: Circuit, curve: PressureCurve, rng) -> Matrix:
-        """Draw a matrix of this kind.
-
-        Args:
-            circuit, curve: that the solver is given.
-        """
+        """Draw a matrix of this kind; the solver is given the circuit and the curve."""
         rows, cols = circuit.shape
         lines = rng.permutation(rows + cols)  # which lines are damaged
         wiring = Wiring.ideal(circuit, self.line)

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Describes what a hand did to the skin, from its first touch to its last, in 65 numbers.
 
-The features are those of the field (Jung et al., "Touching the Void", ICMI 2014, and "Automatic
-recognition of touch gestures in the corpus of social touch", JMUI 2017) without the means of rows
-and columns, which name places on the sensor, and with the shape, the rhythm and the way of the
-touch. All are in newtons, metres and seconds or are ratios, so that they mean the same on a mat of
-another size, fabric or converter.
+The features are those of Jung et al., "Touching the Void", ICMI 2014, and "Automatic recognition of
+touch gestures in the corpus of social touch", JMUI 2017, without what names places on the sensor,
+and with the shape, the rhythm and the way of the touch. All are in newtons, metres and seconds or
+are ratios, so that they mean the same on any mat.
 """
 
 from __future__ import annotations
@@ -98,13 +97,7 @@ _NOTHING = _Moment(0.0, 0.0, 0.0, 0.0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 
 
 
 class Episode:
-    """Sums up the pictures of one gesture.
-
-    Args:
-        shape: (rows, cols) of the skin.
-        pitch: distance between neighbouring cells [m].
-        period: between pictures [s].
-    """
+    """Sums up the pictures of one gesture, one every period [s], of cells with a pitch [m]."""
 
     def __init__(self, shape: tuple[int, int], pitch: float, period: float):
         self.pitch, self.period = pitch, period
@@ -123,11 +116,7 @@ class Episode:
         return self._count * self.period
 
     def add(self, force: np.ndarray) -> None:
-        """Take the next picture.
-
-        Args:
-            force: (rows, cols) on the cells of this gesture [N], 0 elsewhere.
-        """
+        """Take the next picture: (rows, cols) force on the cells of this gesture [N], else 0."""
         change = float(np.abs(force - self.last).sum())
         self.last = force
         if force.any():
@@ -171,11 +160,7 @@ class Episode:
         return steps < _STEADY_FORCE * usual and changes < _STEADY_CELLS * usual
 
     def features(self) -> np.ndarray:
-        """Return the features of the episode so far; all but silence of what touched.
-
-        Returns:
-            (len(FEATURES),); amounts are logarithms.
-        """
+        """Return (len(FEATURES),) features of the episode so far; amounts are logarithms."""
         end = len(self._moments) - self._untouched
         if end <= 0:
             return np.zeros(len(FEATURES))

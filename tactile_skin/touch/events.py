@@ -45,9 +45,8 @@ class Gestured(NamedTuple):
 class PushEvents:
     """Pairs the decisions of the stop with the place of the touch.
 
-    A push is what stop_on_push calls one: its threshold, hysteresis, debounce and hold. The stop
-    may decide before the wrench of the same reading is there: the event waits for it, but not
-    longer than until the next decision.
+    The stop may decide before the wrench of the same reading is there: the event waits for it, but
+    not longer than until the next decision.
     """
 
     def __init__(self) -> None:

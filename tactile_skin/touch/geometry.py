@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where each cell is on the robot, and which way it faces.
 
-Seen from outside, in front of the skin: row 0 is on top, columns run to the right. In the skin's
-own frame that is x outwards, columns along +y, rows along -z, so that an unrotated skin sits on
-the robot's front (REP 103: x forward, y left, z up) and its high columns are on the robot's left.
+Seen from outside row 0 is on top, columns run to the right. In the skin's own frame that is x
+outwards, columns along +y, rows along -z: an unrotated skin sits on the robot's front (REP 103: x
+forward, y left, z up).
 """
 
 from __future__ import annotations

@@ -2,9 +2,7 @@
 """A touch from its start to its release, in the terms of the social-touch field.
 
 The features are those of Jung et al., "Touching the Void - Introducing CoST: Corpus of Social
-Touch" (ICMI 2014), for one touch instead of the whole sensor, in SI units, and of the touch so far:
-they are final at its release. What is left out are the mean pressures of each row and column,
-which name places on the sensor and not what the hand does.
+Touch" (ICMI 2014), for one touch instead of the whole sensor, in SI units, and of the touch so far.
 """
 
 from __future__ import annotations
@@ -37,11 +35,7 @@ class Gesture(NamedTuple):
 
 
 class Gestures:
-    """Follows the touches of one skin.
-
-    Args:
-        geometry: of the skin.
-    """
+    """Follows the touches of one skin."""
 
     def __init__(self, geometry: Geometry):
         self._area, self._pitch = geometry.cell_area.ravel(), geometry.pitch
@@ -52,11 +46,7 @@ class Gestures:
         self._ids: list[int] = []
 
     def update(self, t: float, frame: Frame, touches: list[Touch]) -> list[Gesture]:
-        """Return a gesture for each of `tracking.Tracker.update`'s touches, in their order.
-
-        Args:
-            t: when the frame was taken [s].
-        """
+        """Return a gesture for each of `Tracker.update`'s touches of a frame taken at t [s]."""
         if not touches:
             return []
         labels, n = frame.labels, len(frame.contacts)
@@ -95,12 +85,7 @@ class _Course:
         self.largest = self.largest_area = 0.0
 
     def take(self, t: float, contact: Contact, hardest: float, changed: float, jump: float) -> None:
-        """Take the next contact of the touch.
-
-        Args:
-        hardest: pressure on one cell [Pa]; changed: sum of |change of force| [N]; jump: a
-            centre that moves so far at once [m] did not move, the touch joined another.
-        """
+        """Take the next contact; a centre that moves by `jump` [m] at once joined another."""
         self.end, self.last = t, contact.position.tolist()
         self.frames += 1
         self.pressure += contact.force / contact.area

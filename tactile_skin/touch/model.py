@@ -35,10 +35,8 @@ class Forest(NamedTuple):
     roots: np.ndarray  # (trees,) int
 
     def shares(self, features: np.ndarray) -> np.ndarray:
-        """Return the mean share (classes,) of each class in the leaves of features (n,).
-
-        All trees are descended at once, a level a step.
-        """
+        """Return the mean share (classes,) of each class in the leaves of features (n,)."""
+        # all trees are descended at once, a level a step
         node, left = self.roots, []
         while node.size:
             asked = self.feature[node]

@@ -55,8 +55,7 @@ class Picture(NamedTuple):
 class Cells:
     """Cells of about one size, in which a touch looks alike on mats of any pitch.
 
-    Those of a fine mat are put together: each gives its force to the larger ones it lies on, by
-    area.
+    Those of a fine mat give their force to the larger ones they lie on, by area.
 
     Args:
         pitch: distance between neighbouring cells of the mat [m]; `pitch`: of these cells.
@@ -93,11 +92,7 @@ def _shares(n: int, ratio: float) -> np.ndarray:
 
 
 class Pictures:
-    """Averages frames to PERIOD, and gates each cell by its standard deviation.
-
-    Args:
-        cells: in which it gives them.
-    """
+    """Averages frames to PERIOD, in `Cells`, and gates each cell by its standard deviation."""
 
     def __init__(self, cells: Cells) -> None:
         self._cells = cells
@@ -111,13 +106,7 @@ class Pictures:
         self._std: np.ndarray | float = 0.0
 
     def update(self, t: float, force: np.ndarray, std: np.ndarray | float = 0.0) -> Picture | None:
-        """Take a frame; return the picture that it completes.
-
-        Args:
-            t: when it was taken [s].
-            force: (rows, cols) on each cell [N].
-            std: (rows, cols) or one, standard deviation of the force [N].
-        """
+        """Take a frame (rows, cols) [N] of t [s] with its std; return the picture that it ends."""
         step, self._last = t - self._last, t
         if not 0.0 < step <= _PAUSE:  # how long this frame lasts is not known
             self._begin(t, True)
@@ -150,29 +139,18 @@ class Named(NamedTuple):
 
 
 class Gesture:
-    """One gesture as it goes on: the touches that belong together, and what they did so far.
-
-    Attributes:
-        id: from 1.
-        episode: its pictures, in numbers.
-        start: when it began [s].
-        seen: when its last picture was complete [s].
-        state: NEW, HELD or ENDED.
-        still: whether it has ended because it stands still.
-        place: row and column of `Cells`, of the centre of force.
-        force: [N]; 0 between two touches and when it has ended.
-        impulse: sum of its force over time [N s].
-        covered: area that it and all other touches covered, at the most [m^2].
-        cells: (n,) flat numbers of all that it has touched.
-    """
+    """One gesture as it goes on: the touches that belong together, and what they did so far."""
 
     def __init__(self, number: int, episode: Episode, start: float):
-        self.id, self.episode = number, episode
-        self.start = self.seen = start
-        self.state, self.still = NEW, False
-        self.place = (0.0, 0.0)
-        self.force = self.impulse = self.covered = 0.0
-        self.cells = np.zeros(0, int)
+        self.id, self.episode = number, episode  # from 1; its pictures, in numbers
+        self.start = self.seen = start  # when it began, and its last picture was complete [s]
+        self.state = NEW  # NEW, HELD or ENDED
+        self.still = False  # whether it has ended because it stands still
+        self.place = (0.0, 0.0)  # row and column of `Cells`, of the centre of force
+        self.force = 0.0  # [N]; 0 between two touches and when it has ended
+        self.impulse = 0.0  # sum of its force over time [N s]
+        self.covered = 0.0  # area that it and all other touches covered, at the most [m^2]
+        self.cells = np.zeros(0, int)  # (n,) flat numbers of all that it has touched
         # force, row and column of the last pictures
         self._course: list[tuple[float, float, float]] = []
 
@@ -217,12 +195,7 @@ class _Background(NamedTuple):
 
 
 class Gathering:
-    """Gathers the touches that are one gesture: those near each other in space and time.
-
-    Args:
-        pitch: distance between neighbouring cells [m].
-        reach: touches within it of each other are one gesture [m].
-    """
+    """Gathers the touches that are one gesture: those within `reach` [m], soon after each other."""
 
     def __init__(self, pitch: float, reach: float = REACH):
         self.cells, self.reach = Cells(pitch), reach
@@ -232,11 +205,9 @@ class Gathering:
         self._background: list[_Background] = []
 
     def update(self, t: float, force: np.ndarray, std: np.ndarray | float = 0.0) -> list[Gesture]:
-        """Take a frame, as `Pictures.update`.
+        """Take a frame; return the gestures that go on or have just ended, if it ends a picture.
 
-        Returns:
-            The gestures that go on or have just ended, where this frame completes a picture; else
-            an empty list. After a pause of frames those before it have ended.
+        After a pause of frames those before it have ended.
         """
         picture = self._pictures.update(t, force, std)
         if picture is None:
@@ -319,13 +290,7 @@ class _Opinion:
 
 
 class Recogniser:
-    """Names the gestures on one skin.
-
-    Args:
-        model: what it names.
-        pitch: distance between neighbouring cells [m].
-        min_probability: of a gesture that is named.
-    """
+    """Names the gestures on one skin, whose cells have a pitch [m], that are probable enough."""
 
     def __init__(self, model: GestureModel, pitch: float, min_probability: float = 0.7):
         self.model, self.min_probability = model, min_probability
@@ -333,12 +298,7 @@ class Recogniser:
         self._opinions: dict[int, _Opinion] = {}  # of the gestures that go on, by id
 
     def update(self, t: float, force: np.ndarray, std: np.ndarray | float = 0.0) -> list[Named]:
-        """Take a frame, as `Pictures.update`.
-
-        Returns:
-            The gestures that go on or have just ended, where this frame completes a picture; else
-            an empty list.
-        """
+        """Take a frame (rows, cols) [N] of t [s] with its std; return what `Gathering` does."""
         gestures = self._gathering.update(t, force, std)
         if not gestures:
             return []

@@ -34,11 +34,7 @@ class Take(NamedTuple):
 
 
 def load_take(path: str | Path) -> Take:
-    """Read a take.
-
-    Raises:
-        FileError: the file is absent, too large, or no take.
-    """
+    """Read a take (FileError: the file is absent, too large, or no take)."""
     with stored.load(path, "take") as (head, arrays):
         pictures = np.asarray(arrays["pictures"], float)
         period, pitch = float(head["period"]), float(head["pitch"])
@@ -70,11 +66,7 @@ def find_takes(paths: Iterable[str | Path]) -> Iterator[Path]:
 
 
 def touches(pictures: np.ndarray, period: float) -> list[np.ndarray]:
-    """Cut pictures (T, rows, cols) where nothing touches for a while; each from touch to touch.
-
-    Args:
-        period: between them [s].
-    """
+    """Cut pictures (T, rows, cols), one every period [s], where nothing touches for a while."""
     on = np.flatnonzero(pictures.any((1, 2)))
     if len(on) == 0:
         return []

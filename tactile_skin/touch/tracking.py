@@ -2,9 +2,8 @@
 """Contacts over time: touches with an id that stays while they move, join and part.
 
 A frame's contact is the touch that it is nearest to, where that one was foreseen (linear
-assignment within a gate), or whose cells it lies on. Where the contacts of two touches join, both
-are one with the id of the older; the younger is remembered a while and has its id again when the
-contact parts.
+assignment within a gate), or whose cells it lies on. Where two touches join, both are one with the
+id of the older; the younger has its id again when they part soon.
 """
 
 from __future__ import annotations
@@ -38,9 +37,7 @@ _MAX_ABSENCE = 0.05  # s that a touch may be missing before it is released
 _PREDICTED = 0.3  # s for which the motion of a touch that has joined another is extrapolated
 _MIN_DISTANCE = 1.5  # pitches between two touches
 _MEMORY = 2.0  # s that a touch is kept after it joined another
-_PART_OF = (
-    0.5  # of a contact's force on the cells of a touch, from which on it belongs to that touch
-)
+_PART_OF = 0.5  # of a contact's force on a touch's cells, from which on it belongs to that touch
 _STAYS = 0.3  # of a touch's force that is still on its cells, from which on it was not lifted
 _STANDING = np.zeros(3)
 IDS = 2**24  # a float32, as PointCloud2 carries it, holds so many different ones
@@ -50,9 +47,7 @@ class Touch(NamedTuple):
     """One touch as it is at a frame."""
 
     id: int  # from 1
-    state: (
-        str  # "new" (its first frame), "held", or "released" (reported once, with its last contact)
-    )
+    state: str  # one of STATES; "released" is reported once, with its last contact
     contact: Contact
     velocity: np.ndarray  # (3,) [m/s] of the centre; zero until it is known
     confidence: float  # 0..1, that it moves: near 0 for a touch that stands still
@@ -188,11 +183,7 @@ def _join(t: float, members: list[_Track], before: list[_Track], pitch: float) -
 
 
 class Tracker:
-    """Gives the contacts of one skin, frame by frame, their ids.
-
-    Args:
-        pitch: of the cells [m].
-    """
+    """Gives the contacts of one skin, whose cells have a pitch [m], their ids."""
 
     def __init__(self, pitch: float):
         self.pitch = pitch
@@ -203,14 +194,9 @@ class Tracker:
         self._ids = 0
 
     def update(self, t: float, frame: Frame) -> list[Touch]:
-        """Return the touches of a frame.
+        """Return a touch for each contact of a frame of t [s], in their order, then those released.
 
-        Args:
-            t: when it was taken [s].
-
-        Returns:
-            One touch for each of the frame's contacts, in their order, then those released. One
-            that was out of sight for less than 0.05 s, or joined another, is not reported.
+        One that was out of sight for less than 0.05 s, or joined another, is not reported.
         """
         released: list[_Track] = []
         if t < self._t:  # the clock was set back: what was seen has no place in time
@@ -298,10 +284,7 @@ class Tracker:
 
 
 def stroke(touches: list[Touch]) -> tuple[np.ndarray, float]:
-    """Velocity (3,) [m/s] of a single touch along the skin, and the confidence 0..1 that it moves.
-
-    Two touches at once, or none, make no stroke.
-    """
+    """Velocity (3,) [m/s] of a single touch along the skin, and how sure it is that it moves."""
     held = [touch for touch in touches if touch.state != RELEASED]
     if len(held) != 1:
         return np.zeros(3), 0.0

@@ -31,10 +31,6 @@ class Borrowed:
         line: its open serial port.
         text: of its parameter file.
         take: takes each reading, (rows, cols) counts.
-
-    Attributes:
-        skin: its configuration.
-        pictures: draw it.
     """
 
     def __init__(self, line, text: str, take: Callable[[np.ndarray], None]):

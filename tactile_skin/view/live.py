@@ -6,7 +6,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
-import math
 import pickle
 import socket
 import time
@@ -20,27 +19,16 @@ from .server import Shown, Wanted, serve
 from .snapshot import Snapshot
 from .work import Work
 
-_PACE = 0.015  # s between two snapshots that no page waits for: a screen's 60 Hz
 _PATIENCE = 0.5  # s after which a page is told once more what there is
 _ANSWER_WITHIN = 5.0  # s
 
 
 class Live:
-    """The newest snapshot only: when a page asks, and about 60 times a second.
-
-    Args:
-        skin: the socket to the skin.
-        title: what the page calls it.
-        log, work: take each of them.
-        ended: set when the skin has.
-    """
+    """The newest snapshot only, of the socket to the skin; `ended` is set when that has."""
 
     def __init__(self, skin: socket.socket, title: str, log: Log, work: Work, ended: asyncio.Event):
         self.log, self.work, self.ended, self._title = log, work, ended, title
         self.newest, self._number = Snapshot(), 0
-        self._waiting = b""  # a newer one, still packed; empty: none
-        self._taken_at = -math.inf  # s, of the loop's clock, when the newest was taken
-        self._awaited = False  # by a page that has all that came
         self._skin = skin
         self._news = asyncio.Event()
         self._answer: asyncio.Future | None = None
@@ -52,16 +40,10 @@ class Live:
         return {"recording": None, "title": self._title, "history": self.log.history()}
 
     async def snapshot(self, wanted: Wanted) -> tuple[int, Snapshot]:
-        """One that is newer than the page's last; after half a second what there is.
-
-        Or, where a time is asked for, what is kept of it.
-        """
+        """One that is newer than the page's last, or of the time that is asked for."""
         if wanted.at:
             return self.log.moment(wanted.at) or (self._number, self.newest)
         if self._number <= wanted.after:
-            self._take()
-        if self._number <= wanted.after:
-            self._awaited = True
             with contextlib.suppress(TimeoutError, asyncio.TimeoutError):
                 await asyncio.wait_for(self._news.wait(), _PATIENCE)
         return self._number, self.newest
@@ -88,11 +70,11 @@ class Live:
             self._skin.send(json.dumps(said).encode())
 
     def _receive(self) -> None:
-        scheduled = bool(self._waiting)
+        newest = b""
         try:
             while data := self._skin.recv(LARGEST):
                 if data[:1] != b"{":  # a snapshot, as pickled by the skin that started this
-                    self._waiting = data
+                    newest = data
                 elif self._answer is not None and not self._answer.done():
                     self._answer.set_result(json.loads(data))
             self.ended.set()
@@ -100,19 +82,11 @@ class Live:
             pass
         except OSError:
             self.ended.set()
-        if self._waiting and self._awaited:
-            self._take()
-        elif self._waiting and not scheduled:
-            loop = asyncio.get_running_loop()
-            loop.call_at(max(loop.time(), self._taken_at + _PACE), self._take)
+        if newest:
+            self._take(pickle.loads(newest))
 
-    def _take(self) -> None:
-        if not self._waiting:
-            return
-        self._taken_at = asyncio.get_running_loop().time()
-        self.newest, self._number = pickle.loads(self._waiting), self._number + 1
-        self._waiting, self._awaited = b"", False
-        newest = self.newest
+    def _take(self, newest: Snapshot) -> None:
+        self._number += 1
         age = time.monotonic() - newest.read_at if newest.read_at is not None else 0.0
         self.log.take(newest.stamp + age, self._number, newest)
         self.work.take(newest)

@@ -54,14 +54,11 @@ class _Point(NamedTuple):
 
 
 class Log:
-    """Watches the snapshots of one skin.
+    """Watches the snapshots of one skin; `version` rises with each change of the entries.
 
     Args:
         push_of: a snapshot -> its push.
         keep: whether moments are kept, so that `moment` finds them.
-
-    Attributes:
-        version: rises with each change of the entries.
     """
 
     def __init__(self, push_of: Callable[[Snapshot], Push | None], keep: bool = True):

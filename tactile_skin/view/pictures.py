@@ -30,11 +30,7 @@ MISSING = ("map", "auto")  # methods that do without the readings that are missi
 
 
 class Pictures:
-    """Draws the snapshots of one skin.
-
-    Args:
-        skin: its configuration.
-    """
+    """Draws the snapshots of one skin."""
 
     def __init__(self, skin: SkinConfig):
         self.skin = skin
@@ -64,10 +60,7 @@ class Pictures:
     def message(self, snapshot: Snapshot, a: str, b: str, more: dict) -> bytes:
         """Return the message for pages that want the same pictures; they share the work.
 
-        Args:
-            a: a method, or PUBLISHED.
-            b: the same, to compare it with; empty: neither it nor what explains `a` is wanted.
-            more: what else this page is sent.
+        `a` is a method or PUBLISHED, `b` one to compare it with; without it nothing is explained.
         """
         if snapshot is not self._snapshot:
             self._snapshot, self._last, self._estimates = snapshot, self._estimates, {}
@@ -298,12 +291,7 @@ _LENGTH = struct.Struct("<I")
 
 
 def parts_of(head: dict, arrays: dict[str, np.ndarray]) -> tuple[str, bytes]:
-    """Return two parts, for `packed_with`: what several messages have in common.
-
-    Args:
-        head: JSON's own types; NaN is not allowed.
-        arrays: float32, uint16 or uint8, any shape.
-    """
+    """Return two parts, for `packed_with`: what several messages have in common."""
     parts, listed = [], []
     for name, array in arrays.items():
         array = np.ascontiguousarray(array)

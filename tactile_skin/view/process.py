@@ -29,13 +29,8 @@ class PageProcess:
     """Serves the page until it is closed, or this process ends.
 
     Args:
-        host, port: that it is served on.
         controls: whether a page may steer.
-        skins: name -> parameters of the skin, name -> value.
-
-    Attributes:
-        address: of the page.
-        skins: name -> the way to what is shown of it.
+        skins: name -> parameters of the skin; the attribute: name -> the way to what is shown.
 
     Raises:
         LaunchError: the address cannot be served on, or websockets is not installed.
@@ -63,16 +58,12 @@ class PageProcess:
 
 
 class ToPage:
-    """The way of one skin to the page's process.
-
-    Attributes:
-        watched: whether a page shows it.
-        dropped: snapshots that the process was too slow for.
-    """
+    """The way of one skin to the page's process."""
 
     def __init__(self, ours: socket.socket):
         self._ours = ours
-        self.watched, self.dropped = False, 0
+        self.watched = False  # whether a page shows it
+        self.dropped = 0  # snapshots that the process was too slow for
 
     def show(self, snapshot: Snapshot) -> None:
         """Never waits."""

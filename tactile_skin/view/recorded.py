@@ -23,9 +23,7 @@ _AROUND = 1_000_000_000  # ns by which a message may be out of order in the file
 
 
 class Recorded:
-    """Keeps times and forces of all readings, and the last few seconds of snapshots asked for.
-
-    The others are read from the file when they are asked for.
+    """Keeps times and forces of all readings; snapshots are read when they are asked for.
 
     Args:
         recording: that is shown.
@@ -75,10 +73,8 @@ class Recorded:
         self._damage = recording.damage
 
     def _readings(self, collector: Collector, messages) -> Iterator:
-        """Yield the time of a reading that comes [ns], and the snapshot of the one before it.
-
-        Either may be None. All that follows a reading has been said when the next one comes.
-        """
+        """Yield the time of a reading that comes [ns], and the snapshot of the one before it."""
+        # all that follows a reading has been said when the next one comes
         before = False
         for name, t, message in messages:
             if self._topics[name] == ADC:

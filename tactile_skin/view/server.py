@@ -1,13 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page's server: a few files, and one WebSocket for each page.
 
-A page asks for each snapshot when it has drawn the one before, and is answered with the newest:
-one that is slow, or asleep, has nothing queued. Only pages of this server are answered: a request
-must name the host that it reached, by address or by this computer's name (a foreign name may be a
-rebound one), and its origin must be that host.
-
-Of several skins each has the addresses of one, its name behind a question mark; the address without
-a name is the page of all.
+A page asks for each snapshot when it has drawn the one before: one that is slow, or asleep, has
+nothing queued. A request must name the host that it reached, by address or by this computer's name
+(a foreign name may be a rebound one), and its origin must be that host. Of several skins each has
+the addresses of one, its name behind a question mark; the one without a name is the page of all.
 """
 
 from __future__ import annotations
@@ -24,7 +21,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from http import HTTPStatus
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 from websockets.asyncio.server import ServerConnection
 from websockets.asyncio.server import serve as serve_websockets
@@ -33,14 +30,14 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from ..solvers import METHODS
-from .log import Log
 from .pictures import PUBLISHED, Pictures
-from .snapshot import Snapshot
-from .work import Work
+
+if TYPE_CHECKING:
+    from .live import Live
+    from .recorded import Recorded
 
 _logger = logging.getLogger("tactile_skin.view")
 _PAGES = 16  # of a skin that may be open at once
-_CONNECTIONS = 64  # of each skin, the same; those included that never ask for anything
 _OPEN_WITHIN = 5.0  # s for a request to be complete
 _LARGEST = 1024  # bytes that a page may say at once
 _LATEST = 1e11  # s, of a time that is asked for
@@ -88,11 +85,7 @@ class Wanted:
 
 
 def read_wanted(text: str | bytes) -> Wanted:
-    """Read what a page wants.
-
-    Raises:
-        ValueError: not what a page says.
-    """
+    """Read what a page wants (ValueError: not what a page says)."""
     said = json.loads(text)
     if not isinstance(said, dict) or not said.keys() <= Wanted.__dataclass_fields__.keys():
         raise ValueError("must be an object of known keys")
@@ -114,9 +107,7 @@ def read_wanted(text: str | bytes) -> Wanted:
 def names_this_host(host: str, reached: str) -> bool:
     """Whether a request's Host names this computer: DNS rebinding comes under a foreign name.
 
-    Args:
-        host: the header.
-        reached: address and port, as "127.0.0.1:8321", that the connection was made to.
+    `reached` is the address and port, as "127.0.0.1:8321", that the connection was made to.
     """
     address, _, port = reached.rpartition(":")
     name, colon, given = host.rpartition(":") if not host.endswith("]") else (host, "", "")
@@ -133,32 +124,10 @@ def names_this_host(host: str, reached: str) -> bool:
         return name in ({"localhost"} if loopback else {own, own + ".local", f"{own}.lan"})
 
 
-class Source(Protocol):
-    """Where snapshots come from."""
-
-    log: Log  # what happened
-
-    @property
-    def work(self) -> Work | None:
-        """What is done from the page; None: nothing can be."""
-
-    def hello(self) -> dict:
-        """Return what holds for all of them."""
-
-    async def snapshot(self, wanted: Wanted) -> tuple[int, Snapshot]:
-        """One, and its number."""
-
-    def watched(self, pages: int) -> None:
-        """So many pages are open."""
-
-    async def ask(self, name: str) -> dict:
-        """Return what the skin answers to one of ASKS."""
-
-
 class Shown(NamedTuple):
     """A skin, as it is shown."""
 
-    source: Source
+    source: Live | Recorded
     pictures: Pictures
 
 
@@ -261,7 +230,7 @@ class Server:
         ours = {"controls": self._controls, "skin": name, "skins": self._names}
         return json.dumps({"hello": pictures.hello() | skin.source.hello() | ours})
 
-    async def _ask(self, wanted: Wanted, source: Source) -> dict:
+    async def _ask(self, wanted: Wanted, source: Live | Recorded) -> dict:
         answer = {"answer": wanted.ask, "success": False, "message": "controls are off"}
         if not self._controls:
             return answer
@@ -305,28 +274,12 @@ async def serve(
 ) -> None:
     """Serve the page on a listening socket until `ended`; the others are those of `Server`."""
     server = Server(skins, controls)
-    is_open: set[ServerConnection] = set()
-
-    class Bounded(ServerConnection):
-        """One of a bounded number."""
-
-        def connection_made(self, transport: asyncio.BaseTransport) -> None:
-            super().connection_made(transport)
-            is_open.add(self)
-            if len(is_open) > _CONNECTIONS * len(skins):
-                self.transport.abort()
-
-        def connection_lost(self, exc: Exception | None) -> None:
-            is_open.discard(self)
-            super().connection_lost(exc)
-
     strangers = logging.getLogger("tactile_skin.view.strangers")
     strangers.setLevel(logging.CRITICAL)  # what they send is no news
     async with serve_websockets(
         server.page,
         sock=listening,
         process_request=server.answer,
-        create_connection=Bounded,
         compression=None,
         open_timeout=_OPEN_WITHIN,
         max_size=_LARGEST,

@@ -78,11 +78,7 @@ class Snapshot:
 
 
 class Collector:
-    """Takes the messages of TOPICS, in any order.
-
-    A pressure picture comes after its reading, and contacts after their picture, when the next ones
-    may already be there.
-    """
+    """Takes the messages of TOPICS; of a reading, picture and contacts may come after the next."""
 
     def __init__(self):
         # topic -> stamp -> its picture or contacts, the oldest first

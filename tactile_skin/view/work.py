@@ -2,9 +2,8 @@
 """What a person does from the page: detect, the guided calibration, the doctor.
 
 Each runs in a thread of the page's process and survives a reload; its questions are answered by any
-page. Calibration and doctor take the readings that the skin hands over. What a board sends that
-nobody described only its port shows: the skin lends it, stands without frames, and takes it back
-once this process closes it, or ends. Meanwhile that board is drawn, and may be calibrated.
+page. To detect a board that nobody described the skin lends its port, and takes it back once this
+process closes it, or ends. Meanwhile that board is drawn, and may be calibrated.
 """
 
 from __future__ import annotations

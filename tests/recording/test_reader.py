@@ -176,9 +176,11 @@ def test_a_file_that_is_there_is_not_overwritten(tmp_path):
 def test_a_part_is_read_from_its_chunks_alone(tmp_path, close, monkeypatch):
     frames = recorded.samples(400)
     path = recorded.write(tmp_path / "a.mcap", frames, close=close)
-    found, read = Recording(path), []
-    read_record = cdr.read_record
-    monkeypatch.setattr(cdr, "read_record", lambda file: read.append(1) or read_record(file))
+    found, read, library = Recording(path), [], cdr.mcap().stream_reader
+    breakup = library.breakup_chunk
+    monkeypatch.setattr(
+        library, "breakup_chunk", lambda *a, **k: read.append(1) or breakup(*a, **k)
+    )
     begin, end = recorded.stamp(205), recorded.stamp(215)
     part = [t for _, t, _ in found.messages(begin=begin, end=end)]
     assert part == [recorded.stamp(k) for k in range(205, 215)]

@@ -71,14 +71,6 @@ def test_a_touch_out_of_sight_for_a_moment_keeps_its_id(skin, frames):
     assert ids(skin.feel((5, 5.3, 5.0))) == before
 
 
-def test_touches_come_in_the_order_of_the_contacts(skin):
-    for k in range(20):  # the stronger one changes halfway
-        touches = skin.feel((3, 3, 5.0 + k), (12, 12, 15.0))
-        forces = [t.contact.force for t in touches]
-        assert forces == sorted(forces, reverse=True)
-    assert sorted(ids(touches)) == [1, 2]
-
-
 @pytest.mark.parametrize("speed", [0.05, 0.5, 1.5])
 def test_a_stroke_keeps_its_id_and_has_the_fingers_velocity(skin, speed):
     """So slow that its centre stands on a cell, and goes on, its usual error is twice as large."""
@@ -142,11 +134,6 @@ def test_a_touch_that_jumps_did_not_move(skin):
         (touch,) = skin.feel((7, 6.8, 5.0))
         assert not touch.velocity.any()
         assert touch.confidence == 0.0
-
-
-def test_a_touch_far_from_the_last_one_is_another(skin):
-    skin.feel((2, 2, 5.0))
-    assert ids(skin.feel((12, 12, 5.0))) == [2]
 
 
 @pytest.mark.parametrize("apart", [3.0, 2.5])
@@ -288,15 +275,6 @@ def test_a_touch_that_parts_keeps_the_id_of_the_part_that_stays(skin):
     for apart in np.arange(1.0, 6.0, 0.2):
         touches = skin.feel((7, 4, 9.0), (7, 4 + apart, 3.0))
     assert {t.id: round(column(t)) for t in touches} == {1: 4, 2: 10}
-
-
-def test_three_touches_join_and_part(skin):
-    places = [(3, 3), (3, 12), (12, 3)]
-    for share in [*np.linspace(1, 0.1, 40), *np.linspace(0.1, 1, 40)]:
-        touches = skin.feel(*((6 + (r - 6) * share, 6 + (c - 6) * share, 5.0) for r, c in places))
-        if share == 1.0 and len(ids(touches)) == 3 and skin.t < 0.02:
-            before = {t.id: t.contact.position.round(4).tolist() for t in touches}
-    assert {t.id: t.contact.position.round(4).tolist() for t in touches} == before
 
 
 def test_a_clock_that_is_set_back_releases_all(skin):

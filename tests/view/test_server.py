@@ -5,7 +5,6 @@ import asyncio
 import contextlib
 import json
 import re
-import resource
 import socket
 
 import numpy as np
@@ -327,31 +326,6 @@ def test_only_so_many_pages_are_open():
             with pytest.raises(InvalidStatus) as refused:
                 await stack.enter_async_context(open_page(address))
             assert refused.value.response.status_code == 503
-
-    served(scenario)
-
-
-def test_a_thousand_connections_are_bounded_and_leave_no_trace(monkeypatch):
-    """Most are closed at once, the rest when their time for a request is over."""
-    monkeypatch.setattr(server, "_OPEN_WITHIN", 1.0)
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    if 0 <= soft < 2200:  # both ends are in this process
-        if 0 <= hard < 2200:
-            pytest.skip(f"at most {hard} files may be open")
-        resource.setrlimit(resource.RLIMIT_NOFILE, (2200, hard))
-
-    async def scenario(source, address):
-        name, port = address.split(":")
-        async with open_page(address) as page:  # one that was there before goes on
-            await page.recv()
-            streams = [await asyncio.open_connection(name, int(port)) for _ in range(1000)]
-            assert (await ask(page))["number"] == 1
-            ends = [asyncio.create_task(_end(reader)) for reader, _ in streams]
-            await asyncio.gather(*ends)  # the server ended each of them
-            assert (await ask(page))["number"] == 1
-        assert "HTTP/1.1 200" in await get(address, "/")
-        for _, writer in streams:
-            writer.close()
 
     served(scenario)
 

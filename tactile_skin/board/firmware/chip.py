@@ -118,14 +118,7 @@ def serve(
     on_ready: Callable[[], None] = lambda: None,
     once: bool = False,
 ) -> None:
-    """Put the chip behind a pty as `terminal.serve` does; bytes that are sent to it reach it.
-
-    If the simulation is slower than real time, frames arrive late, and the driver says so: the
-    clock of a real board does not stand still.
-
-    Args:
-        scene: time since start [s] -> (rows, cols) force per cell [N].
-    """
+    """Put the chip behind a pty as `terminal.serve` does; `scene`: time [s] -> force [N]."""
     ticks = 0
 
     def restart() -> None:

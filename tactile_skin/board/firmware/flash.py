@@ -42,11 +42,7 @@ def find_chip(port: str) -> tuple[int, int]:
 
 
 def check_signature(port: str, signature: int) -> str:
-    """Return the name of the chip.
-
-    Raises:
-        FirmwareError: it is another one than the firmware is for.
-    """
+    """Return the name of the chip (FirmwareError: it is another one than the firmware is for)."""
     if signature not in SIGNATURES:
         known = ", ".join(f"{name} (0x{number:06x})" for number, name in SIGNATURES.items())
         raise FirmwareError(

@@ -24,11 +24,7 @@ BAUD = "is serial_driver.baud that of the board's sketch?"
 
 
 def recognise(data: bytes, shape: tuple[int, int] | None = None) -> Seen:
-    """Return what a sample of bytes is.
-
-    Args:
-        shape: (rows, cols) that are expected; None: nothing is known.
-    """
+    """Return what a sample of bytes is; `shape` is the (rows, cols) that are expected, if any."""
     own = BinaryParser()
     frames = own.feed(data)
     if frames and own.layout:
@@ -55,10 +51,7 @@ def recognise(data: bytes, shape: tuple[int, int] | None = None) -> Seen:
 
 
 def explain(parser: Parser) -> str:
-    """Why a parser finds no frames in its last bytes, for a person; empty: nothing is known.
-
-    A setting is named only where the bytes leave no other explanation that is known here.
-    """
+    """Why a parser finds no frames in its last bytes, for a person; empty: nothing is known."""
     seen = _last(parser, parser.shape)
     return _reason(parser, seen) if seen else ""
 

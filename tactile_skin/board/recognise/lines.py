@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Lines of text: which of them hold readings, and what else stands in them.
 
-Nothing is known of the board. Lines that are alike but for their numbers are one kind; the kind
-with the most numbers holds the readings. Numbers in front of them are told by what they do: one
-that counts through a frame says which row or cell follows, one that only rises is a time or a
-counter. What is found is proved: the parser reads the sample by the description.
+Lines that are alike but for their numbers are one kind; the kind with the most numbers holds the
+readings. A number in front that counts through a frame says which row or cell follows, one that
+only rises is a time or a counter. The parser proves it: it reads the sample by the description.
 """
 
 from __future__ import annotations
@@ -153,15 +152,7 @@ def _rises(column: np.ndarray) -> bool:
 
 
 def _roles(lead: np.ndarray, readings: int) -> tuple[list[str], int, tuple[int, ...], bool]:
-    """Return what each number in front of the readings is.
-
-    Args:
-        lead: (lines, k) numbers.
-
-    Returns:
-        row, col, index or skip for each; the first number of a place; how many rows, or (rows,
-        cols), or cells they count; whether each is known.
-    """
+    """Return what each number in front of the readings is."""
     k = lead.shape[1]
     for a in range(k - 1 if readings == 1 else 0):
         row, col = lead[:, a], lead[:, a + 1]
@@ -212,10 +203,8 @@ def _blocks(lines: list[_Line | None], kind: tuple) -> list[int]:
 
 
 def _apart(values: np.ndarray, lag: int) -> float:
-    """How far the readings of most lines are from those of the line `lag` before [as printed].
-
-    The median over the lines: under a touch they move by more than rows differ.
-    """
+    """How far the readings of most lines are from those of the line `lag` before [as printed]."""
+    # the median over the lines: under a touch they move by more than rows differ
     return float(np.nanmedian(np.nanmean(np.abs(values[lag:] - values[:-lag]), axis=1)))
 
 
@@ -230,11 +219,7 @@ def _repeats_after(values: np.ndarray) -> int:
 
 
 def recognise_lines(data: bytes, shape: tuple[int, int] | None = None) -> Seen:
-    """Return what text is.
-
-    Args:
-        shape: (rows, cols) that are expected; None: nothing is known.
-    """
+    """Return what text is; `shape` is the (rows, cols) that are expected, if any."""
     often = [end for end in _LINE_ENDS if data.count(end) > FEW]
     end = next(iter(often or [end for end in _LINE_ENDS if data.count(end) > 1]), None)
     if end is None:
@@ -337,11 +322,7 @@ def _in_front(values: np.ndarray) -> tuple[int, bool]:
 
 
 def _behind(values: np.ndarray, cells: int) -> tuple[int, bool]:
-    """How many numbers behind a line are no readings, and whether that is sure.
-
-    Args:
-        cells: readings that are expected; 0: unknown.
-    """
+    """How many numbers behind a line are no readings, and whether that is sure."""
     n, last = values.shape[1], values[:, -1]
     if n < 3:
         return 0, True

@@ -19,22 +19,17 @@ _MOST = 100_000  # bytes that are enough
 
 
 class Heard:
-    """What arrived at one baud rate, and what it was recognised as.
-
-    Attributes:
-        rate: frames a second; 0: unknown, or only when they are asked for.
-    """
+    """What arrived at one baud rate, and what it was recognised as."""
 
     def __init__(self, data: bytes, baud: int, request: str = "", shape=None, seconds=0.0):
         self.data, self.baud, self.request = data, baud, request
         self.seen: Seen = recognise(data, shape)
+        # frames a second; 0: unknown, or only when they are asked for
         self.rate = self.seen.frames / seconds if seconds and not request else 0.0
 
     def fits(self, shape: tuple[int, int]) -> bool:
-        """Whether it is a board of this shape; it is recognised again where that leads to another.
-
-        A reading whose high byte never changes looks like the head of a packet.
-        """
+        """Whether it is a board of this shape, or is recognised as one now that this is known."""
+        # a reading whose high byte never changes looks like the head of a packet
         if shape[0] * shape[1] != self.seen.cells:
             seen = recognise(self.data, shape)
             if seen.protocol and seen.cells == shape[0] * shape[1]:
@@ -48,13 +43,7 @@ class Heard:
 
 
 def listen(line, bauds, seconds: float, say: Callable[[str], None], shape=None) -> Heard:
-    """Return the best understood of what arrives at some baud rates.
-
-    Args:
-        line: an open serial port.
-        seconds: to listen at each.
-        say: takes a line before the first, and one behind each.
-        shape: (rows, cols) that are expected; None: nothing is known.
+    """Return the best understood of what arrives at an open port, some seconds at each baud rate.
 
     Raises:
         ValueError: the port fails, or no byte arrives at any rate.
@@ -100,11 +89,7 @@ def _at_each(line, bauds, seconds: float, shape) -> Iterator[Heard]:
 
 
 def _read(line, seconds: float, patience: float = math.inf) -> tuple[bytes, float]:
-    """Return what arrives, and the time from its first to its last byte [s].
-
-    Args:
-        patience: seconds after which it ends, if there was no byte.
-    """
+    """Return what arrives, and the time from its first to its last byte [s]."""
     data, now = b"", time.monotonic()
     first = last = begin = now
     while now < begin + (seconds if data else min(seconds, patience)) and len(data) < _MOST:

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Contacts of any shape, course and path, which stand for what nobody has thought of.
 
-A recogniser that has seen only some kinds of events takes others for the gesture that they look
-most like. These fill what lies between: a random field, cut off at a random level and size, that
-presses in ramps, swells or bursts, and stands, drifts, wanders or changes its shape. The ranges
-are those of forces, sizes and times that a skin can feel, and follow no kind of event.
+A random field, cut off at a random level and size, presses in ramps, swells or bursts, and stands,
+drifts, wanders or changes its shape: a recogniser that has seen only some kinds of events takes
+others for the gesture that they look most like.
 """
 
 from __future__ import annotations
@@ -81,12 +80,7 @@ def _field(mat: Mat, grain: float, rng: np.random.Generator) -> np.ndarray:
 
 
 def anything(mat: Mat, seed: int, period: float) -> np.ndarray:
-    """Return what one contact of any kind presses: (T, rows, cols) [N].
-
-    Args:
-        seed: the same one is the same event.
-        period: between pictures [s].
-    """
+    """Return what one contact of any kind presses, by its seed: (T, rows, cols) [N]."""
     rng = np.random.default_rng([seed, 99, 3])
     end = float(_log_uniform(rng, _SECONDS))
     t = np.arange(0.0, end + period, period)

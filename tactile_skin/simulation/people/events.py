@@ -163,11 +163,6 @@ EVENTS: dict[str, Callable[[Mat, np.random.Generator, float], np.ndarray]] = {
 
 
 def happen(event: str, mat: Mat, seed: int, period: float) -> np.ndarray:
-    """Return what one event of EVENTS presses: (T, rows, cols) [N].
-
-    Args:
-        seed: the same one is the same event.
-        period: between pictures [s].
-    """
+    """Return what an event of EVENTS presses, by its seed: (T, rows, cols) [N]."""
     rng = np.random.default_rng([seed, list(EVENTS).index(event), 3])
     return EVENTS[event](mat, rng, period)

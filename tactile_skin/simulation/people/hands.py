@@ -2,8 +2,7 @@
 """Simulated people who touch a mat: how hands press on it in space and time.
 
 A person has a size, a strength, a tempo, a tremor and ways of doing each gesture; each performance
-varies about them. The numbers are chosen to be broad, and but for `_UNSTEADY` come from no
-recording: what is trained on these hands is scored on others as well.
+varies about them. The numbers are chosen, and but for `_UNSTEADY` come from no recording.
 """
 
 from __future__ import annotations
@@ -72,11 +71,7 @@ POSES: dict[str, list[Pad]] = {
 
 
 class Person:
-    """One person; the same number is the same person.
-
-    Args:
-        number: 0 or more.
-    """
+    """One person; the same number, 0 or more, is the same person."""
 
     def __init__(self, number: int):
         self._rng = np.random.default_rng([number, 11])
@@ -120,11 +115,7 @@ class Hand(NamedTuple):
 def pressed(
     mat: Mat, hand: Hand, person: Person, rng: np.random.Generator, period: float
 ) -> np.ndarray:
-    """Return (T, rows, cols) force [N] of a hand; what lies beyond the edge presses elsewhere.
-
-    Args:
-        period: between pictures [s].
-    """
+    """Return (T, rows, cols) force [N] of a hand; what lies beyond the edge presses elsewhere."""
     steps = len(hand.force)
     out = np.zeros((steps, mat.rows, mat.cols))
     skin = texture(mat, person.rough, rng)
@@ -362,11 +353,5 @@ GESTURES: dict[str, Callable[[_Stage], np.ndarray]] = {f.__name__[1:]: f for f i
 
 
 def perform(gesture: str, person: Person, mat: Mat, seed: int, period: float) -> np.ndarray:
-    """Return what a performance presses, (T, rows, cols) [N]; it begins and ends untouched.
-
-    Args:
-        gesture: one of GESTURES.
-        seed: of this performance; the same one is the same performance.
-        period: between pictures [s].
-    """
+    """Return what a performance presses, by its seed: (T, rows, cols) [N] every period [s]."""
     return GESTURES[gesture](_Stage(gesture, person, mat, seed, period))
