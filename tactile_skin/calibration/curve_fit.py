@@ -2,9 +2,8 @@
 """The curve of a skin's fabric, from objects of known weight laid anywhere (docs/derivation.md).
 
 The circuit's inverse gives what each cell conducts, whatever the curve. Force is a sum of ramps in
-what a load adds to that, an octave each and of like slopes, since fabrics conduct about in
-proportion to force; so each total is linear in the slopes. Nothing depends on the level of the
-ohms. Besides, each cell has a gain, where the totals tell it.
+what a load adds to that, an octave each; so each total is linear in the slopes. Besides, each cell
+has a gain, where the totals tell it.
 """
 
 from __future__ import annotations
@@ -261,8 +260,7 @@ def _objects(weights: np.ndarray) -> np.ndarray:
 def _error(off: np.ndarray, std: np.ndarray, weights: np.ndarray) -> float:
     """Return the RMS error of a new total, by those (n,) left out; totals of one weight are one.
 
-    Each counts by what it was predicted with: an object that is harder than all others worst. The
-    mean of what is probable: boards mostly err as usual, one may by any factor (Cauchy's prior).
+    Boards mostly err as usual, one may by any factor (Cauchy's prior).
     """
     usual = np.square(off / std) * np.square(std).mean()  # if all were predicted alike
     squares = np.array([usual[weights == w].mean() for w in np.unique(weights)])

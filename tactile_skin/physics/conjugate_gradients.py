@@ -21,10 +21,7 @@ def conjugate_gradients(
 ) -> Floats:
     """Solve A x = b, A symmetric and positive definite, until the residual falls by `target`.
 
-    Args:
-        product: (n,) -> (n,), A times it.
-        near: (n,) -> (n,), about A^-1 times it, the preconditioner; the residual is measured in its
-            norm.
+    `product` is A times a vector (n,); `near`, the preconditioner, about A^-1 times it.
     """
     x = np.zeros(b.size)
     residual = b.copy()

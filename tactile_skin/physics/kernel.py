@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The accelerated fixed point g <- g * rho(g) / measured.
-
-The compiled loop does it where there is one (compiled/), else NumPy does the same.
-"""
+"""The accelerated fixed point g <- g * rho(g) / measured, compiled or in NumPy."""
 
 from __future__ import annotations
 
