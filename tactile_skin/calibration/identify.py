@@ -60,7 +60,7 @@ class Identified:
     message: str
 
 
-def identify(frames, circuit: Circuit, rest: Rest, *, soft: bool | None = None) -> Identified:
+def identify(frames, circuit: Circuit, rest: Rest, *, soft: bool = False) -> Identified:
     """Find r_par, and r_line or of a grounded matrix r_drive, by 10 to 30 frames of touches.
 
     Args:
@@ -68,8 +68,7 @@ def identify(frames, circuit: Circuit, rest: Rest, *, soft: bool | None = None) 
         circuit: what is supposed; r_par may be off by half, r_line by 15 ohm or more. Where r_line
             is one for each stripe, what is found is added to all of them.
         rest: `measure_rest` of the same skin.
-        soft: whether touches have soft rims, as fingers; None: found out. False tells most, but
-            finds r_par 5 % too high if they have.
+        soft: whether touches have soft rims, as fingers, for sure; else it is found out.
 
     Raises:
         ValueError: another shape, values outside [0, 1], or readings that fit no skin.
@@ -84,7 +83,7 @@ def identify(frames, circuit: Circuit, rest: Rest, *, soft: bool | None = None) 
         prior = prior_of(circuit)
         nothing = Solution(np.zeros(2), prior, np.sqrt(1.0 / prior.diagonal()), 0)
         return _identified(circuit, nothing, ended)
-    found = first if soft is not None else _the_cautious(frames, circuit, rest, first, end)
+    found = first if soft else _the_cautious(frames, circuit, rest, first, end)
     return _identified(circuit, found, ended)
 
 

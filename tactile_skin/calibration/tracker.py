@@ -110,7 +110,7 @@ class CircuitTracker:
         self._t = -np.inf  # s, since when one waits
 
     def offer(self, t: float, adc: np.ndarray, noise: float) -> None:
-        """Take a frame (rows, cols) with a touch, read at t [s]; of one that stands, the mean waits."""
+        """Take a frame (rows, cols) with a touch, read at t [s]; of one that stands, the mean."""
         noise /= self._configured.full_scale
         standing = self._standing
         if standing is None or not stands_anew(adc, standing.mean, self._last, noise):
@@ -149,8 +149,7 @@ class CircuitTracker:
     def ask(self, curve: PressureCurve, noise: float) -> bool:
         """Take the stretch that waits, in some milliseconds; whether `circuit` changed.
 
-        The curve has the cells' rest, as measured if the circuit is `circuit`; the noise is that of a
-        reading [ADC steps].
+        The curve has the cells' rest, as measured if the circuit is `circuit`.
         """
         stretch, self._waiting = self._waiting, None
         if stretch is None:

@@ -11,10 +11,7 @@ from scipy.linalg import lapack
 
 from . import compiled
 from .arrays import Floats, Ints
-from .compiled import implementation
 from .laplacian import connected_rho
-
-__all__ = ["fixed_point", "implementation"]
 
 _HISTORY = 6  # earlier steps that are combined: Walker and Ni 2011; network.c's HISTORY
 _RIDGE = 1e-10  # share of the trace, by which the steps' Gram matrix is made regular

@@ -19,9 +19,10 @@ from scipy.linalg import lapack
 
 from . import compiled
 from .arrays import Bools, Floats, Floats32, Ints
-from .conjugate_gradients import INEXACT, conjugate_gradients
 
 _LEAST_OWN = 0.1  # share of a cell's rho^2 that its lines leave to it at least
+INEXACT = 1e-2  # of its right side that a step of an iteration leaves: the next one has it
+_STEPS = 300  # of conjugate gradients at most; 20 to 60 are usual
 _LEAST_EIGENVALUE = 1e-15  # of the largest: below it the rounding of doubles is all there is
 
 
@@ -212,3 +213,32 @@ def crossing_factor(network: Network) -> Floats32:
     rows, _ = network.rho.shape
     root = network.root.astype(np.float32)
     return (root[:rows, None] - root[None, rows:]).reshape(-1, len(root))
+
+
+def conjugate_gradients(
+    product: Callable[[Floats], Floats],
+    near: Callable[[Floats], Floats],
+    b: Floats,
+    target: float = INEXACT,
+) -> Floats:
+    """Solve A x = b, A symmetric and positive definite, until the residual falls by `target`.
+
+    `product` is A times a vector (n,); `near`, the preconditioner, about A^-1 times it.
+    """
+    x = np.zeros(b.size)
+    residual = b.copy()
+    z = near(residual)
+    p = z.copy()
+    size = residual @ z
+    goal = size * target**2
+    for _ in range(_STEPS):
+        if size <= goal:
+            break
+        a_p = product(p)
+        alpha = size / (p @ a_p)
+        x += alpha * p
+        residual -= alpha * a_p
+        z = near(residual)
+        size, last = residual @ z, size
+        p = z + (size / last) * p
+    return x

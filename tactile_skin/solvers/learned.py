@@ -3,12 +3,9 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 
 from ..learning import network
-from ..physics.laplacian import connected_rho
 from .estimate import Estimate
 from .reading import Reading
 from .suspect import estimate_from_force, network_of
@@ -50,8 +47,6 @@ def _with_single_cells(force: np.ndarray, there: tuple, reading: Reading):
     The networks learnt from touches of several cells: of a corner of 10 kg on one cell they find
     half, or nothing at the skin's rim, and a stop would not come.
     """
-    if not (reading.rho < _max_own_rho(reading.circuit, reading.curve)).any():
-        return force, there
     around = 1.0 / there[2].rho - there[1]  # S
     alone = around * reading.rho < 1.0 - _OWN_SHARE
     if reading.circuit.mask is not None:
@@ -61,11 +56,3 @@ def _with_single_cells(force: np.ndarray, there: tuple, reading: Reading):
     own = 1.0 / reading.rho - around
     pressed = reading.curve.force(1.0 / np.where(alone, own, 1.0))
     return np.where(alone, np.maximum(force, pressed), force), None
-
-
-@lru_cache(maxsize=16)
-def _max_own_rho(circuit, curve) -> np.ndarray:
-    """(rows, cols) [ohm] above which paths around a cell take too much even of a skin at rest."""
-    g = circuit.populated / curve.rest_resistance
-    around = 1.0 / connected_rho(g) - g
-    return (1.0 - _OWN_SHARE) / around

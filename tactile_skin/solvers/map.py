@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..findings.finding import Finding, Kind
-from ..physics.conjugate_gradients import conjugate_gradients
+from ..physics.laplacian import conjugate_gradients
 from ..physics.quadratic import solve_in_box
 from ..physics.readouts import BOUND
 from . import prior as prior_terms
