@@ -88,7 +88,7 @@ def fit_curve(frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
     at_rest = supposing(rest, circuit).conductance
     usual = float(np.median(at_rest[circuit.populated]))  # S
     knots = _Knots.of(circuit, usual)
-    added, doubts = _added_conductance(frames, circuit, at_rest, knots)
+    added, doubts = _added_conductance(frames, circuit, at_rest, usual, knots)
     ramps = knots.ramps(added)
     untouched = np.flatnonzero(ramps.sum((1, 2, 3)) <= 0.0)
     if untouched.size:
@@ -112,8 +112,11 @@ def fit_curve(frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
     gain = fit.gain.reshape(circuit.shape)
     curve = knots.curve(fit.slope, usual).with_gain(gain)
     hardest = float(knots.ramps(added[used].max()) @ fit.slope)  # N
+    kept = weights[used]
     message = [
-        _summary(weights, used, error, hardest),
+        f"{len(np.unique(kept))} weights from {kept.min():.3g} to {kept.max():.3g} N: the total "
+        f"of a new object will be off by {error:.1%} (RMS); cells were loaded up to "
+        f"{hardest:.2g} N, beyond that the curve is a guess",
         f"the cells' gains are {gain.min():.2f} to {gain.max():.2f}, as far as the weights tell "
         f"them: with all of them 1 it would be {without:.1%}",
     ]
@@ -215,10 +218,9 @@ def _check_weights(weights, n: int) -> np.ndarray:
     return weights
 
 
-def _added_conductance(frames, circuit: Circuit, at_rest, knots: _Knots):
+def _added_conductance(frames, circuit: Circuit, at_rest, usual: float, knots: _Knots):
     """(n, rows, cols) [S] that the cells conduct beyond their rest; how many frames are suspect."""
     cells = circuit.populated
-    usual = float(np.median(at_rest[cells]))  # S
     soft = knots.curve(circuit.r_ref, usual)  # any slope: what the cells conduct is looked for
     soft = soft.resting_at(1.0 / np.where(cells, at_rest, usual))
     found = compensate(frames, circuit, soft, "map", missing=True)
@@ -293,15 +295,6 @@ def _contradiction(totals: Totals, mine: np.ndarray, used: np.ndarray) -> float:
     fit, own = totals.only(used & ~mine).explained(), totals.only(mine)
     total = max(float(fit.of(own).mean()), LEAST)
     return abs(np.log(total)) / max(np.log(_ODD), _ODD_STD * fit.std(own) / total)
-
-
-def _summary(weights, used, error: float, hardest: float) -> str:
-    kept = weights[used]
-    return (
-        f"{len(np.unique(kept))} weights from {kept.min():.3g} to {kept.max():.3g} N: the total "
-        f"of a new object will be off by {error:.1%} (RMS); cells were loaded up to "
-        f"{hardest:.2g} N, beyond that the curve is a guess"
-    )
 
 
 def _words(weights, used, off, objects, odd) -> list[str]:

@@ -154,21 +154,18 @@ class Supposed:
             return None
         touched = circuit.populated & (touched | binary_dilation(g > self._hard * self.rest))
 
-        def network(g: np.ndarray) -> readouts.Readout:
-            return readouts.solve(circuit, g).behind_stripes(further)
+        std = np.sqrt(noise**2 + np.square(MODEL * reading.steps))
 
-        expected = network(np.where(touched, g, self.rest)).adc
+        def at(g: np.ndarray) -> Linearised:
+            return reading.linearised(g, std, readouts.solve(circuit, g).behind_stripes(further))
+
+        expected = at(np.where(touched, g, self.rest)).adc
         width = _CUT_OFF / circuit.full_scale
         # by the model: noise must not choose
         cut_off = (expected < width) | (expected > self._end - width)
         reading = replace(reading, known=reading.known & ~cut_off)
-        std = np.sqrt(noise**2 + np.square(MODEL * reading.steps))
         hardest = 1.0 / (HARDEST * circuit.r_ref)  # S
         most = _FULL * np.count_nonzero((reading.known | reading.capped) & circuit.populated)
-
-        def at(g: np.ndarray) -> Linearised:
-            return reading.linearised(g, std, network(g))
-
         for search in range(_SEARCHES + 1):
             if np.count_nonzero(touched) > most:
                 return None

@@ -165,13 +165,12 @@ def _forces(
     if converged and not broad and independent and step.equations is not None:
         smoothed = prior_terms.with_neighbours(reading, point, step.equations, std_x)
         g, std_x, adc = smoothed or (g, std_x, adc)
-    log_g = np.log(g if circuit.mask is None else np.where(circuit.mask, g, 1.0))
+    cells = circuit.populated
+    log_g = np.log(np.where(cells, g, 1.0))
     std_x = std_x if broad and independent else _WIDEN * std_x
-    force = reading.curve.force_at(log_g)
-    std = spread(reading.curve, log_g, np.minimum(std_x, 10.0))
-    if circuit.mask is not None:
-        force, std = force * circuit.mask, std * circuit.mask
-    any_force = reading.known & circuit.populated & (reading.adc >= circuit.near_short)
+    force = reading.curve.force_at(log_g) * cells
+    std = spread(reading.curve, log_g, np.minimum(std_x, 10.0)) * cells
+    any_force = reading.known & cells & (reading.adc >= circuit.near_short)
     at_end = reading.topped | any_force
     if at_end.any():  # up to the curve's end all is as likely
         end = reading.curve.max_force

@@ -254,8 +254,8 @@ def check_reading(
         )
     if time_limit is not None and not time_limit > 0:
         raise ValueError(f"time_limit = {time_limit!r} s: must be above 0")
-    known, none = _all_known(circuit.shape)
-    capped = topped = none
+    known = np.ones(adc.shape, bool)
+    capped = topped = ~known
     if not (adc.min() >= 0.0 and adc.max() <= 1.0):  # NaN is neither
         known = _known(adc, circuit, missing)
         adc = np.where(known, adc, 0.0)
@@ -276,12 +276,6 @@ def check_reading(
 def _bounds(shape: tuple[int, int], curve: PressureCurve) -> tuple[np.ndarray, np.ndarray]:
     low, high = 1.0 / curve.rest_resistance, 1.0 / curve.least_resistance
     return frozen(np.full(shape, low)), frozen(np.full(shape, high))
-
-
-@lru_cache(maxsize=16)
-def _all_known(shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """`known`, and `capped` as `topped`, of a frame that was read as a whole."""
-    return frozen(np.ones(shape, bool)), frozen(np.zeros(shape, bool))
 
 
 def _known(adc: np.ndarray, circuit: Circuit, missing: bool) -> np.ndarray:

@@ -189,13 +189,11 @@ def estimate_from_force(
     slope = g * model.own * circuit.full_scale  # steps per log g
     misfit = reading.misfit(model.adc)
     shift = np.sqrt(np.square(misfit) + max(reading.noise, 1e-9) ** 2) / np.maximum(slope, 1e-9)
-    std = spread(curve, log_g, np.minimum(shift, 50.0))
+    std = spread(curve, log_g, np.minimum(shift, 50.0)) * circuit.populated
     finding = by_reading(reading)
     if slack and not finding:
         finding = by_residual(reading, model.adc, slack=slack)
     failure = "" if converged else no_convergence(reading, iterations)
-    if circuit.mask is not None:
-        std *= circuit.populated
     said = (*status_of(finding, failure), method, iterations, reading.noise)
     return Estimate(force, std, reading.rms(misfit), *said, finding=finding)
 
@@ -216,6 +214,5 @@ def network_of(force, reading: Reading):
     """(rows, cols) log of cells' conductance; conductance [S], 0 where there is none; network."""
     g = 1.0 / reading.curve.resistance(force)
     log_g = np.log(g)
-    if reading.circuit.mask is not None:
-        g *= reading.circuit.populated
+    g *= reading.circuit.populated
     return log_g, g, readouts.solve(reading.circuit, g, derivatives=False)
