@@ -208,7 +208,7 @@ class Linearised(NamedTuple):
         return self.network.sensitivity(self.weight, readings, row, col)
 
     def grouped(self, cells: np.ndarray) -> tuple[Linearised, np.ndarray]:
-        """Return a model of which few readings, (m,) int32 flat, say of the cells what all say.
+        """Return a model, and the few readings, (m,) int32, that say of the cells what all do.
 
         Lines without one of the cells read alike: one of them has the weight of all.
         """
