@@ -146,8 +146,7 @@ class Standing:
     A cell's gain is a sum of what remembers its load for a third of `Creep.time` to a day. A change
     of the load is seen at once and in full. The force is never raised, and never reduced by more
     than `LIMIT` of what the cell conducts, nor at all at the end of the curve: there it is a lower
-    bound, and the stop must not lose it. What a load that goes had gained goes with it, and the
-    next one starts anew.
+    bound, and the stop must not lose it. What a load that goes had gained goes with it.
     """
 
     def __init__(self, creep: Creep, curve: PressureCurve):

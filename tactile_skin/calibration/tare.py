@@ -56,12 +56,9 @@ class Tare:
         curve: the given curve, with the cells' offsets once they are known.
         found: why the last measurement could not be used; None: it could.
         measured: whether there was one that could.
-        unseen: whether nothing shows yet that a matrix at rest is read: no second of rest has gone
-            by, or all cells read alike in it, where those of a fabric would not, or conduct what
-            no fabric of this curve does, or readings have risen since the start.
+        unseen: whether nothing shows yet that a matrix at rest is read.
         noise: RMS of a usual reading at rest [ADC steps]; None: not measured yet.
-        lines: lines that are one, by the last measurement; None: there are none. The rest is
-            followed all the same.
+        lines: lines that are one, by the last measurement; the rest is followed all the same.
     """
 
     def __init__(self, circuit: Circuit, curve: PressureCurve):
