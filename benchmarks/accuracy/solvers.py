@@ -19,7 +19,7 @@ from benchmarks.accuracy.growth import exponent
 from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.bench.measure import GHOST, NOISE, Clock, day, frames, moving_touch
 from tactile_skin.learning import network
-from tactile_skin.physics.circuit import jacobian
+from tactile_skin.physics import readouts
 from tactile_skin.physics.curve import GRAM
 from tactile_skin.simulation import scenes
 from tactile_skin.simulation.textile import Textile
@@ -69,7 +69,10 @@ def r_par_std(family: str, n: int, seed=1) -> dict:
     std = np.empty((2, n))
     for k in range(n):
         resistance = curve.resistance(force[k])
-        steps = jacobian(circuit, resistance).reshape(cells, cells) * resistance.ravel()
+        network = readouts.solve(circuit, 1.0 / resistance)
+        one_by_one = np.eye(cells).reshape(cells, *circuit.shape)
+        changes = [network.change(cell).ravel() for cell in one_by_one]
+        steps = np.array(changes).T / -resistance.ravel()  # d adc / d log resistance
         touched = force[k].ravel() > 0
         pattern = np.square(adc[k]).ravel() / circuit.r_ref  # - d adc / d R_par
         for row, unknown in enumerate((steps[:, touched], np.c_[steps[:, touched], steps.sum(1)])):

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from ..physics.circuit import Circuit, forward
+from ..physics.compiled import implementation
 from ..physics.curve import GRAM, PressureCurve
-from ..physics.kernel import implementation
 from ..simulation import scenes
 from ..solvers.reading import ROUNDING_NOISE, SCAN_NOISE
 from ..touch.geometry import PITCH

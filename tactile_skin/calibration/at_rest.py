@@ -1,11 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a second of rest shows: no matrix, lines that are one, a cell or a line that is no fabric's.
 
-The cells of a fabric differ at rest, by 3 % and more, and with them what any two lines read. Lines
-that read alike cell for cell, to the noise, while other pairs are apart, are one line. How alike
-two sound ones may be by chance follows from the number of cells that they are compared by: with
-four a measurement is seldom fine enough to tell. A fabric may vary smoothly: how much, the lines
-across tell, which lie side by side.
+The cells of a fabric differ at rest, by 3 % and more. Lines that read alike cell for cell, to the
+noise, while other pairs are apart, are one line; how alike sound ones may be by chance follows from
+the number of their cells, and from how smoothly the lines across say that the fabric varies.
 """
 
 from __future__ import annotations
@@ -40,10 +38,7 @@ _WHOLE = 0.3  # and share of readings that may be so near to it
 def equal_lines(steps: np.ndarray, noise: float, cells: np.ndarray) -> list[tuple[int, int, int]]:
     """Return (axis, line, line) of each pair of lines that are one.
 
-    Args:
-        steps: (rows, cols) mean reading of an untouched skin [ADC steps].
-        noise: RMS of each [ADC steps].
-        cells: (rows, cols) bool, those that exist.
+    Of `cells` (rows, cols) bool, by their mean reading at rest and its noise [ADC steps].
     """
     if not cells.any() or np.mean(np.abs(steps - np.rint(steps))[cells] < _NEAR_WHOLE) > _WHOLE:
         return []  # rounded without noise that would average it away: many read alike
@@ -106,12 +101,7 @@ def which_are_one(steps: np.ndarray, noise: float, cells: np.ndarray) -> Finding
 
 
 def one_voltage(mean: np.ndarray, frames: int, noise: float, circuit: Circuit) -> Finding | None:
-    """Return that a second of rest shows no matrix; None: its cells differ.
-
-    Args:
-        mean: (rows, cols) of so many frames, ADC ratio.
-        noise: of a reading [ADC steps].
-    """
+    """Return that a second of rest, the mean ADC ratio of so many frames, shows no matrix."""
     cells, n = circuit.populated, np.count_nonzero(circuit.populated)
     if n == 1:  # there is nothing to compare it with
         return None
@@ -128,10 +118,7 @@ def one_voltage(mean: np.ndarray, frames: int, noise: float, circuit: Circuit) -
 
 
 def _fabric_spread(mean: np.ndarray, circuit: Circuit) -> float:
-    """Return the RMS by which cells of a good fabric that reads so on average differ [ADC steps].
-
-    Those of a megohm differ by less than channels do.
-    """
+    """Return the RMS by which cells of a good fabric that reads so differ [ADC steps]."""
     cells = circuit.populated
     usual = usual_resistance(mean, cells, circuit)
     if not 0.0 < usual < np.inf:
@@ -144,10 +131,7 @@ def _fabric_spread(mean: np.ndarray, circuit: Circuit) -> float:
 def odd_cell(times: np.ndarray, cells: np.ndarray, most: float) -> Finding | None:
     """Return a cell that is not at rest, or not connected.
 
-    Args:
-        times: (rows, cols) conductance over the median cell's.
-        cells: (rows, cols) bool, those that exist.
-        most: what a cell at rest conducts at most, over the median cell.
+    `times` (rows, cols) is its conductance over the median cell's, `most` that of a cell at rest.
     """
     times = np.where(cells, times, 1.0)
     if times.max() > most:
@@ -160,13 +144,9 @@ def odd_cell(times: np.ndarray, cells: np.ndarray, most: float) -> Finding | Non
 def weak_line(change: np.ndarray, cells: np.ndarray, *, first: bool) -> Finding | None:
     """Return a line whose lead breaks: a resistance before it, which hides most of a push.
 
-    Fabric scatters cell by cell, or changes as a whole; all of a line are off because of the
-    circuit. Later it must have fallen both by itself and against the others: where a palm lay,
-    cells conduct more for a while.
-
-    Args:
-        change: (rows, cols) log of each cell's conductance over the curve's, or the first one.
-        first: whether it is the first that is measured.
+    `change` (rows, cols) is the log of each cell's conductance over the curve's, or over that which
+    was measured first. Fabric scatters cell by cell, or changes as a whole. Later the line must
+    have fallen both by itself and against the others: where a palm lay, cells conduct more.
     """
     form, most = ("rest", _MAX_LINE_OFFSET) if first else ("fading", LINE_FALL)
     common = np.median(change[cells])

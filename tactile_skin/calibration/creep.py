@@ -36,10 +36,7 @@ _SPREAD = 0.5  # standard deviation of its log10, about the usual one
 def as_it_comes(curve: PressureCurve, creep: Creep, known: Creep | None = None) -> PressureCurve:
     """Return the curve of a load that has just come, from one by objects that lay for `LAID` s.
 
-    What a cell conducts at rest has not crept.
-
-    Args:
-        known: creep by which the curve is such already; None: it is not.
+    If it is that of a load that has just come already, `known` is the creep by which.
     """
     factor = float(creep.gain(LAID) / (known or Creep()).gain(LAID))
     force, resistance = np.array(curve.points).T
@@ -149,8 +146,7 @@ class Standing:
     A cell's gain is a sum of what remembers its load for a third of `Creep.time` to a day. A change
     of the load is seen at once and in full. The force is never raised, and never reduced by more
     than `LIMIT` of what the cell conducts, nor at all at the end of the curve: there it is a lower
-    bound, and the stop must not lose it. What a load that goes had gained goes with it, and the
-    next one starts anew.
+    bound, and the stop must not lose it. What a load that goes had gained goes with it.
     """
 
     def __init__(self, creep: Creep, curve: PressureCurve):
@@ -163,11 +159,9 @@ class Standing:
         self._remembered = np.zeros(())  # (decades, rows, cols) [S]
 
     def update(self, t: float, force: np.ndarray) -> np.ndarray:
-        """(rows, cols) [N] of a load that had just come.
+        """(rows, cols) [N] of a load that had just come, by the force found in a frame at t [s].
 
-        Args:
-            t: when the frame was read [s]; set back, or after a gap, it begins anew.
-            force: (rows, cols) that was found in it [N].
+        Where the clock was set back, or after a gap, it begins anew.
         """
         elapsed, self._last = t - self._last, t
         if 0.0 <= elapsed < _GAP:

@@ -2,9 +2,8 @@
 """The curve of a skin's fabric, from objects of known weight laid anywhere (docs/derivation.md).
 
 The circuit's inverse gives what each cell conducts, whatever the curve. Force is a sum of ramps in
-what a load adds to that, an octave each and of like slopes, since fabrics conduct about in
-proportion to force; so each total is linear in the slopes. Nothing depends on the level of the
-ohms. Besides, each cell has a gain, where the totals tell it.
+what a load adds to that, an octave each; so each total is linear in the slopes. Besides, each cell
+has a gain, where the totals tell it.
 """
 
 from __future__ import annotations
@@ -89,7 +88,7 @@ def fit_curve(frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
     at_rest = supposing(rest, circuit).conductance
     usual = float(np.median(at_rest[circuit.populated]))  # S
     knots = _Knots.of(circuit, usual)
-    added, doubts = _added_conductance(frames, circuit, at_rest, knots)
+    added, doubts = _added_conductance(frames, circuit, at_rest, usual, knots)
     ramps = knots.ramps(added)
     untouched = np.flatnonzero(ramps.sum((1, 2, 3)) <= 0.0)
     if untouched.size:
@@ -113,8 +112,11 @@ def fit_curve(frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
     gain = fit.gain.reshape(circuit.shape)
     curve = knots.curve(fit.slope, usual).with_gain(gain)
     hardest = float(knots.ramps(added[used].max()) @ fit.slope)  # N
+    kept = weights[used]
     message = [
-        _summary(weights, used, error, hardest),
+        f"{len(np.unique(kept))} weights from {kept.min():.3g} to {kept.max():.3g} N: the total "
+        f"of a new object will be off by {error:.1%} (RMS); cells were loaded up to "
+        f"{hardest:.2g} N, beyond that the curve is a guess",
         f"the cells' gains are {gain.min():.2f} to {gain.max():.2f}, as far as the weights tell "
         f"them: with all of them 1 it would be {without:.1%}",
     ]
@@ -216,10 +218,9 @@ def _check_weights(weights, n: int) -> np.ndarray:
     return weights
 
 
-def _added_conductance(frames, circuit: Circuit, at_rest, knots: _Knots):
+def _added_conductance(frames, circuit: Circuit, at_rest, usual: float, knots: _Knots):
     """(n, rows, cols) [S] that the cells conduct beyond their rest; how many frames are suspect."""
     cells = circuit.populated
-    usual = float(np.median(at_rest[cells]))  # S
     soft = knots.curve(circuit.r_ref, usual)  # any slope: what the cells conduct is looked for
     soft = soft.resting_at(1.0 / np.where(cells, at_rest, usual))
     found = compensate(frames, circuit, soft, "map", missing=True)
@@ -261,8 +262,7 @@ def _objects(weights: np.ndarray) -> np.ndarray:
 def _error(off: np.ndarray, std: np.ndarray, weights: np.ndarray) -> float:
     """Return the RMS error of a new total, by those (n,) left out; totals of one weight are one.
 
-    Each counts by what it was predicted with: an object that is harder than all others worst. The
-    mean of what is probable: boards mostly err as usual, one may by any factor (Cauchy's prior).
+    Boards mostly err as usual, one may by any factor (Cauchy's prior).
     """
     usual = np.square(off / std) * np.square(std).mean()  # if all were predicted alike
     squares = np.array([usual[weights == w].mean() for w in np.unique(weights)])
@@ -295,15 +295,6 @@ def _contradiction(totals: Totals, mine: np.ndarray, used: np.ndarray) -> float:
     fit, own = totals.only(used & ~mine).explained(), totals.only(mine)
     total = max(float(fit.of(own).mean()), LEAST)
     return abs(np.log(total)) / max(np.log(_ODD), _ODD_STD * fit.std(own) / total)
-
-
-def _summary(weights, used, error: float, hardest: float) -> str:
-    kept = weights[used]
-    return (
-        f"{len(np.unique(kept))} weights from {kept.min():.3g} to {kept.max():.3g} N: the total "
-        f"of a new object will be off by {error:.1%} (RMS); cells were loaded up to "
-        f"{hardest:.2g} N, beyond that the curve is a guess"
-    )
 
 
 def _words(weights, used, off, objects, odd) -> list[str]:

@@ -2,15 +2,9 @@
 """r_par and the resistance of stripes or drivers, from frames of touches (docs/derivation.md).
 
 Where nothing touches, the cells conduct what they did at rest, and the readings there tell what
-lies in series with them. The touched cells of a frame, and those beside them, are unknown. What
-they can take of a change of the circuit is projected out of the misfit; what is left of it gathers
-over the frames as a score and its information. Neither the curve nor a force is used.
-
-All readouts tell r_par. That of a loaded matrix, its driver's, lowers the driven line's voltage the
-more the harder what is touched on that line. That of a grounded one lies with r_ref, whose voltage
-the touched cells of a sense line take from those beside them; only that sum is told, to a share,
-and r_par is what is left of it; r_drive lowers the voltage of all cells of a driven line. Of both
-the stripes are taken as ideal.
+lies in series with them (solvers/evidence.py). Neither the curve nor a force is used. Of a grounded
+matrix the sum of r_ref and r_par is told, and r_par is what is left of it; of this and of a loaded
+one the stripes are taken as ideal.
 """
 
 from __future__ import annotations
@@ -66,7 +60,7 @@ class Identified:
     message: str
 
 
-def identify(frames, circuit: Circuit, rest: Rest, *, soft: bool | None = None) -> Identified:
+def identify(frames, circuit: Circuit, rest: Rest, *, soft: bool = False) -> Identified:
     """Find r_par, and r_line or of a grounded matrix r_drive, by 10 to 30 frames of touches.
 
     Args:
@@ -74,8 +68,7 @@ def identify(frames, circuit: Circuit, rest: Rest, *, soft: bool | None = None) 
         circuit: what is supposed; r_par may be off by half, r_line by 15 ohm or more. Where r_line
             is one for each stripe, what is found is added to all of them.
         rest: `measure_rest` of the same skin.
-        soft: whether touches have soft rims, as fingers; None: found out. False tells most, but
-            finds r_par 5 % too high if they have.
+        soft: whether touches have soft rims, as fingers, for sure; else it is found out.
 
     Raises:
         ValueError: another shape, values outside [0, 1], or readings that fit no skin.
@@ -90,15 +83,12 @@ def identify(frames, circuit: Circuit, rest: Rest, *, soft: bool | None = None) 
         prior = prior_of(circuit)
         nothing = Solution(np.zeros(2), prior, np.sqrt(1.0 / prior.diagonal()), 0)
         return _identified(circuit, nothing, ended)
-    found = first if soft is not None else _the_cautious(frames, circuit, rest, first, end)
+    found = first if soft else _the_cautious(frames, circuit, rest, first, end)
     return _identified(circuit, found, ended)
 
 
 def _converter_end(frames, circuit: Circuit) -> tuple[float, int]:
-    """ADC ratio at which the converter ends, and how many of (n, rows, cols) readings are there.
-
-    Its full scale, or a lower height at which several readings stop that would differ.
-    """
+    """ADC ratio at which the converter ends, or readings stop, and how many of them are there."""
     top = np.nanmax(frames, initial=0.0)
     stopped = frames > top - 0.5 / circuit.full_scale
     if np.count_nonzero(stopped) < SHELF or np.count_nonzero(stopped.any((1, 2))) < 2:
@@ -123,8 +113,7 @@ class Solution(NamedTuple):
     Attributes:
         off: (2,) of `names` from what was supposed [ohm].
         information: (2, 2) of the frames, and of what was supposed before [1/ohm^2].
-        std: (2,) [ohm].
-        frames: that say anything.
+        std, frames: (2,) [ohm], and how many of them say anything.
     """
 
     off: np.ndarray
@@ -134,13 +123,7 @@ class Solution(NamedTuple):
 
     @classmethod
     def of(cls, found: list[Evidence], at, circuit: Circuit, rest: Rest, supposed: Supposed):
-        """Solve for what explains all frames best, to first order.
-
-        Args:
-            at: (n, 2) ohm beside the circuit's at which each was asked.
-            circuit: as it was supposed before the frames.
-            supposed: with which the last was asked.
-        """
+        """Solve for what explains all frames best, each asked `at` so much beside the circuit's."""
         information = sum(e.information for e in found) + prior_of(circuit)
         pull = sum(e.score + e.information @ a for e, a in zip(found, at, strict=True))
         off = _bounded(np.linalg.solve(information, pull), information, circuit)
@@ -194,11 +177,7 @@ def prior_of(circuit: Circuit) -> np.ndarray:
 
 
 def without_r_par(circuit: Circuit) -> np.ndarray:
-    """(2,) ohm beside the circuit's, of an r_par of 0.
-
-    From there the steps lead to any r_par; cells explain no hard touch on a loaded matrix behind
-    an r_par that is larger than what the whole line has.
-    """
+    """(2,) ohm beside the circuit's, of an r_par of 0: from there the steps lead to any r_par."""
     return np.array([-circuit.r_par, 0.0])
 
 
@@ -224,12 +203,8 @@ def std_of(
 ) -> np.ndarray:
     """(2,) [ohm]: by how much the frames' scores differ.
 
-    With n frames that is known to a share of (2 n)^-0.5 only, so what noise and the model's error
-    are supposed to leave counts as `FEWEST` frames more. All share one measurement of the rest,
-    whose noise no scatter between them shows, and what was supposed before.
-
-    Args:
-        information: (2, 2) of the frames, and of what was supposed before.
+    What noise and the model's error are supposed to leave counts as `FEWEST` frames more. All share
+    one measurement of the rest, whose noise no scatter shows, and what was supposed before.
     """
     scores = np.array([e.score for e in found])
     n = len(scores)
@@ -247,10 +222,7 @@ def std_of(
 
 
 def _unknown_rest(rest: Rest, supposed: Supposed) -> np.ndarray:
-    """(cells,) [S] standard deviation of what noisy cells conduct at rest, 0 of all others.
-
-    They are taken for the usual cell: what the others differ by, they do.
-    """
+    """(cells,) [S] standard deviation of what noisy cells conduct at rest, 0 of all others."""
     noisy = mask_of(rest.noisy, supposed.rest.shape)
     quiet = supposed.rest[supposed.circuit.populated & ~noisy]
     return (noisy * quiet.std()).ravel()

@@ -42,12 +42,10 @@ class Totals(NamedTuple):
 
     @classmethod
     def of(cls, ramps: np.ndarray, total: np.ndarray, slope: np.ndarray | None = None) -> Totals:
-        """Return the sums over frames of known total force.
+        """Return the sums over frames of known total force (n,) [N].
 
-        Args:
-            ramps: (n, rows, cols, k) [S] how far each cell rises along each ramp.
-            total: (n,) [N].
-            slope: (k,) of the ramps [N/S], as far as they are known; None: all alike.
+        Each cell rises along each ramp by (n, rows, cols, k) [S], whose slopes (k,) [N/S] are alike
+        as far as they are not known.
         """
         data = ramps.sum((1, 2)) / total[:, None]
         if slope is None:
@@ -109,7 +107,6 @@ class Fit(NamedTuple):
     """Slopes and gains that explain the totals.
 
     Attributes:
-        totals: that it explains.
         slope: (k,) of the ramps [N/S].
         root: (n + k, k) whose square is the slopes' precision.
         factor: Cholesky's, of the totals' covariance.

@@ -82,7 +82,6 @@ class CircuitTracker:
         """Follow a skin from its configured circuit.
 
         Args:
-        circuit: as it is configured.
         r_par_std: how well its r_par was known when the curve was found with it [ohm]; None: as
             well as a data sheet says it, and the curve is of the fabric alone.
         """
@@ -111,13 +110,7 @@ class CircuitTracker:
         self._t = -np.inf  # s, since when one waits
 
     def offer(self, t: float, adc: np.ndarray, noise: float) -> None:
-        """Take a frame with a touch; while one stands, their mean is asked when there is time.
-
-        Args:
-            t: when it was read [s].
-            adc: (rows, cols) ADC ratio; NaN where a crossing was not read.
-            noise: RMS of a reading [ADC steps].
-        """
+        """Take a frame (rows, cols) with a touch, read at t [s]; of one that stands, the mean."""
         noise /= self._configured.full_scale
         standing = self._standing
         if standing is None or not stands_anew(adc, standing.mean, self._last, noise):
@@ -130,11 +123,7 @@ class CircuitTracker:
             self._waiting = standing
 
     def overdue(self, t: float, stopped: bool) -> bool:
-        """Whether a stretch has waited for a pause for so long that it is asked in a touch.
-
-        Args:
-            stopped: whether nothing is lost if that takes some milliseconds.
-        """
+        """Whether a stretch has waited for a pause so long that it is asked in a touch."""
         return self._waiting is not None and t - self._t > (_STOPPED if stopped else _PATIENCE)
 
     @property
@@ -142,8 +131,6 @@ class CircuitTracker:
         """Return by how much what lies in series may exceed that of `circuit` [ohm].
 
         This is the best guess, which may not be sure enough to be used, and its std.
-
-        An ohm of r_drive hides as much of a touch as one of r_par does on a loaded matrix.
         """
         n = len(self._known_to)
         more = np.maximum(self._off - self._adopted, 0.0)[:n].sum()
@@ -160,14 +147,9 @@ class CircuitTracker:
         return found
 
     def ask(self, curve: PressureCurve, noise: float) -> bool:
-        """Take the stretch that waits; some milliseconds.
+        """Take the stretch that waits, in some milliseconds; whether `circuit` changed.
 
-        Args:
-            curve: with the cells' rest, as it was measured if the circuit is `circuit`.
-            noise: RMS of a reading [ADC steps].
-
-        Returns:
-            whether `circuit` changed.
+        The curve has the cells' rest, as measured if the circuit is `circuit`.
         """
         stretch, self._waiting = self._waiting, None
         if stretch is None:

@@ -83,8 +83,8 @@ def run(args) -> int:
     check_all_is_sent(frames, circuit, adc.threshold(skin.threshold), skin.threshold)
     rest = None
     if "rest" in given:
-        rest = _ratio(given["rest"], adc, given.get("full_scale"), namespace)
-        rest = measure_rest(rest, circuit)
+        at_rest = _ratio(given["rest"], adc, given.get("full_scale"), namespace)
+        rest = measure_rest(at_rest, circuit)
     found += diagnose(frames, circuit, rest, inverted=adc.inverted)
     print(f"{len(frames)} frames of {circuit.rows} x {circuit.cols}")
     print(picture(found, circuit))

@@ -2,10 +2,7 @@
 """From what the ADC reads to the circuit's ratio: scale, table, polarity, diodes, no reading.
 
 The solvers know a ratio from 0 to 1, the voltage over the reference resistor as a share of the
-divider's supply. Boards send counts, and few of them are that ratio times 2^bits - 1: an ADC may
-have a reference of its own, an ESP32's is not linear and reads 0 up to 142 mV, readings fall with
-pressure where the reference resistor is on the side of the supply, and a diode keeps a part of the
-supply from the line that is driven through it. This is the one place that knows.
+divider's supply. Boards send counts, and few are that ratio times 2^bits - 1.
 """
 
 from __future__ import annotations
@@ -19,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..files import shorten
-from .arrays import Bools, Floats, Value
+from .arrays import Bools, Floats, Value, frozen
 from .circuit import Circuit
 
 Samples: TypeAlias = npt.NDArray[np.uint16]  # of skin/adc
@@ -98,8 +95,7 @@ class Adc:
                 )
             if not scanned.any():
                 raise ValueError("scanned: no crossing is read")
-            scanned.setflags(write=False)
-            object.__setattr__(self, "scanned", scanned)
+            object.__setattr__(self, "scanned", frozen(scanned))
         if self.table is not None:
             object.__setattr__(self, "table", _table(self.table, self.circuit.adc_bits))
 
@@ -114,22 +110,14 @@ class Adc:
         return self.circuit.full_scale * self._sample
 
     def unread(self, samples: Samples) -> Bools:
-        """(..., rows, cols) bool: crossings that are named as such, marked, or 0 with no cell.
-
-        Args:
-            samples: of skin/adc.
-        """
+        """(..., rows, cols) bool: crossings that are named as such, marked, or 0 with no cell."""
         unread: Bools = samples == NOT_READ
         if self.circuit.mask is not None:  # through its neighbours it would read more than 0
             unread |= ~self.circuit.mask & (samples == 0)
         return unread if self.scanned is None else unread | ~self.scanned
 
     def marked(self, samples: Samples, unread: Bools | None = None) -> Samples:
-        """Return samples as skin/adc carries them: NOT_READ where no reading is, and only there.
-
-        Args:
-            unread: (rows, cols) bool, what the board itself says that it did not read.
-        """
+        """Return samples as skin/adc carries them: NOT_READ where no reading is, `unread` too."""
         known = np.minimum(samples, NOT_READ - 1)
         absent = self.unread(known)
         if unread is not None:
@@ -151,8 +139,7 @@ class Adc:
     def ratio(self, count: Value) -> Value:
         """Turn a reading [ADC steps] into an ADC ratio in [0, 1]; noise beyond is cut off.
 
-        The low-pass may round the largest reading up by less than a step. With a diode a picture
-        is needed, (..., rows, cols): all that a line's readings say tells its current.
+        With a diode a picture (..., rows, cols) is needed: a line's readings tell its current.
         """
         share = self._share_of(count)
         ratio: Value = np.minimum(np.maximum(1.0 - share if self.inverted else share, 0.0), 1.0)
@@ -171,8 +158,7 @@ class Adc:
         """Return the voltage's share of the supply, cut off at the table's ends if there is one."""
         if self.table is None:
             return (count + self.offset) / self.full_scale
-        at, share_there = np.asarray(self.table).T
-        share: Value = np.interp(count + self.offset, at, share_there)
+        share: Value = np.interp(count + self.offset, *np.asarray(self.table).T)
         return share * (self.circuit.full_scale / self.full_scale)
 
     def _count_of(self, share: Value) -> Value:
@@ -188,8 +174,7 @@ class Adc:
     def range(self) -> tuple[float, float]:
         """The ratios that the ends of the ADC's range stand for.
 
-        A reading there tells only that the ratio is not above the lower one, or not below the upper
-        one: an ESP32 reads 0 for whatever is below 142 mV, and its largest number above 3.13 V.
+        A reading there is a bound: an ESP32 reads 0 for whatever is below 142 mV.
         """
         ends = np.array([0.0, self.circuit.full_scale])
         share = np.clip(self._share_of(ends), 0.0, 1.0)
@@ -203,11 +188,7 @@ class Adc:
         return ((ratio <= low) & (low > 0.0)) | ((ratio >= high) & ends)
 
     def _behind_diode(self, share: float | Floats) -> Any:
-        """Return what the diode leaves of the supply, as share of it, by what is read behind it.
-
-        All current of a driven line returns through the reference resistors: through one if
-        floating, through those of all sense lines if loaded.
-        """
+        """Return what the diode leaves of the supply, as share of it, by what is read behind it."""
         amperes = np.asarray(share) * (self.supply / self.circuit.r_ref)
         amperes = self.circuit.readout_class.through_driver(self.circuit, amperes)
         slope = _SLOPES[0] if self.diode < _SCHOTTKY else _SLOPES[1]
@@ -242,11 +223,7 @@ class Adc:
 
 
 def _table(given: str | npt.ArrayLike, bits: int) -> Floats:
-    """Return (n, 2) readings of so many bits [ADC steps] and their shares of the supply; read-only.
-
-    Raises:
-        ValueError: an unknown name, or numbers that are no table.
-    """
+    """Return (n, 2) readings of so many bits [ADC steps] and their shares of the supply."""
     if isinstance(given, str):
         if given not in TABLES:
             allowed = f"{', '.join(TABLES)}, or a list: reading, share of the supply, reading, ..."
@@ -269,5 +246,4 @@ def _table(given: str | npt.ArrayLike, bits: int) -> Floats:
         raise ValueError(f"adc_table: readings {reading.tolist()}: must be finite and rise")
     if not ((np.diff(share) >= 0.0).all() and 0.0 <= share[0] < share[-1] <= 1.0):
         raise ValueError(f"adc_table: shares {share.tolist()}: must be from 0 to 1 and never fall")
-    table.setflags(write=False)
-    return table
+    return frozen(table)

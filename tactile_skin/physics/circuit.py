@@ -1,14 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The resistor matrix and its read-out: what the ADC sees for given cell resistances.
 
-A skin of ``rows x cols`` cells is a bipartite resistor network: one node per stripe, one resistor
-(the taxel) where a row stripe crosses a column stripe. The paper's read-out connects one row and
-one column and lets every other line float, so it sees the *two-terminal resistance* between the two
-stripes, not the taxel alone: that is the cross-talk. readouts/ has this and the others.
-
-All readings of a frame follow from one small inverse (laplacian.py, docs/derivation.md). The
-paper (section IV-B) solves one system of ``rows*cols + 1`` equations per reading instead; it stands
-in the tests as the oracle.
+A skin is a bipartite resistor network: a node for each stripe, a resistor (the cell) where two
+cross. The paper's read-out connects one row and one column and sees the *two-terminal resistance*
+between the two, not the cell alone: that is the cross-talk. readouts/ has this and the others.
 """
 
 from __future__ import annotations
@@ -21,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import readouts
-from .arrays import Bools, Floats, Value
+from .arrays import Bools, Floats, Value, frozen
 from .laplacian import connected
 
 
@@ -65,9 +60,20 @@ class Circuit:
     r_drive: float = 0.0
 
     def __post_init__(self) -> None:
-        self._check_choices()
-        self._check_sizes()
-        self._check_resistances()
+        for choice, allowed in (("readout", readouts.READOUTS), ("driven", readouts.DRIVEN)):
+            if getattr(self, choice) not in allowed:
+                raise ValueError(
+                    f"{choice} = {getattr(self, choice)!r}: must be one of {', '.join(allowed)}"
+                )
+        for name, low, high in (("rows", 1, 255), ("cols", 1, 255), ("adc_bits", 1, 16)):
+            value = getattr(self, name)
+            if not isinstance(value, (int, np.integer)) or not low <= value <= high:
+                raise ValueError(f"{name} = {value!r}: must be a whole number from {low} to {high}")
+        for name, least in (("r_ref", "above 0"), ("r_par", "0 or more"), ("r_drive", "0 or more")):
+            value = getattr(self, name)
+            if not np.isfinite(value) or value < 0 or (value == 0 and name == "r_ref"):
+                raise ValueError(f"{name} = {value!r} ohm: must be finite and {least}")
+            object.__setattr__(self, name, float(value))
         object.__setattr__(self, "r_line", self._checked_r_line())
         if not self.readout_class.knows_r_drive and self.r_drive:
             raise ValueError(
@@ -76,27 +82,6 @@ class Circuit:
             )
         if self.mask is not None:
             object.__setattr__(self, "mask", self._checked_mask(self.mask))
-
-    def _check_choices(self) -> None:
-        for choice, allowed in (("readout", readouts.READOUTS), ("driven", readouts.DRIVEN)):
-            if getattr(self, choice) not in allowed:
-                raise ValueError(
-                    f"{choice} = {getattr(self, choice)!r}: must be one of {', '.join(allowed)}"
-                )
-
-    def _check_sizes(self) -> None:
-        for name, low, high in (("rows", 1, 255), ("cols", 1, 255), ("adc_bits", 1, 16)):
-            value = getattr(self, name)
-            if not isinstance(value, (int, np.integer)) or not low <= value <= high:
-                raise ValueError(f"{name} = {value!r}: must be a whole number from {low} to {high}")
-
-    def _check_resistances(self) -> None:
-        """Refuse what is no resistance, and keep the others as floats [ohm]."""
-        for name, least in (("r_ref", "above 0"), ("r_par", "0 or more"), ("r_drive", "0 or more")):
-            value = getattr(self, name)
-            if not np.isfinite(value) or value < 0 or (value == 0 and name == "r_ref"):
-                raise ValueError(f"{name} = {value!r} ohm: must be finite and {least}")
-            object.__setattr__(self, name, float(value))
 
     def _checked_r_line(self) -> float | Floats:
         """Return r_line [ohm] as a float or read-only (rows + cols,); ValueError if it is bad."""
@@ -113,8 +98,7 @@ class Circuit:
                 f"r_line = {self.r_line!r} ohm: must be 0 for readout = {self.readout!r}, whose "
                 "stripes are taken as ideal"
             )
-        r_line.setflags(write=False)
-        return r_line if r_line.ndim else float(r_line)
+        return frozen(r_line) if r_line.ndim else float(r_line)
 
     def _checked_mask(self, given: Bools) -> Bools | None:
         """Return the mask (rows, cols), read-only, None if it is full; ValueError if it is bad."""
@@ -135,9 +119,7 @@ class Circuit:
         """(rows, cols) bool, which crossings carry a cell; read-only."""
         if self.mask is not None:
             return self.mask
-        everywhere = np.ones(self.shape, bool)
-        everywhere.setflags(write=False)
-        return everywhere
+        return frozen(np.ones(self.shape, bool))
 
     @cached_property
     def stripes(self) -> tuple[Floats, Floats] | None:
@@ -187,10 +169,7 @@ class Circuit:
         return float(self.ratio(0.0)) - 1.0 / self.full_scale
 
     def two_terminal(self, adc: Floats) -> Floats:
-        """ADC ratio -> two-terminal resistance [ohm], the inverse of `ratio`; never negative.
-
-        Zero reads as an infinite resistance.
-        """
+        """ADC ratio -> two-terminal resistance [ohm], the inverse of `ratio`; never negative."""
         with np.errstate(divide="ignore"):
             return np.maximum(self.r_ref / adc - self.readout_class.in_series(self), 0.0)
 
@@ -200,8 +179,8 @@ class Circuit:
         return {
             "rows": int(self.rows),
             "cols": int(self.cols),
-            "r_ref": float(self.r_ref),
-            "r_par": float(self.r_par),
+            "r_ref": self.r_ref,
+            "r_par": self.r_par,
             "adc_bits": int(self.adc_bits),
             "mask": mask,
             "r_line": np.asarray(self.r_line).tolist(),
@@ -222,11 +201,7 @@ class Circuit:
 
 
 def circuit_from(description: dict[str, Any]) -> Circuit:
-    """Return the circuit of a `Circuit.describe()`.
-
-    Raises:
-        ValueError: a key is missing or unknown, or as `Circuit`.
-    """
+    """Return the circuit of a `Circuit.describe()`; ValueError: a wrong key, or as `Circuit`."""
     # weights of old have none of these
     of_old: dict[str, Any] = {"r_line": 0.0, "readout": "floating", "driven": "rows"}
     description = of_old | {"r_drive": 0.0} | description
@@ -264,19 +239,3 @@ def forward(circuit: Circuit, resistance: npt.ArrayLike) -> Floats:
         raise ValueError(f"resistance of {bad} ohm: every cell's must be above 0")
     frames = (1.0 / ohm).reshape(-1, *circuit.shape)
     return circuit.readout_class.read(circuit, frames).reshape(ohm.shape)
-
-
-def jacobian(circuit: Circuit, resistance: npt.ArrayLike) -> Floats:
-    """Return the derivative of `forward`, d adc[i, j] / d resistance[k, l]: exact.
-
-    Args:
-        resistance: (rows, cols) [ohm], finite wherever the circuit has a cell.
-
-    Returns:
-        (rows, cols, rows, cols) [1/ohm]; 0 for cells that the mask leaves out.
-    """
-    ohm = np.asarray(resistance, dtype=float)
-    if ohm.shape != circuit.shape:
-        raise ValueError(f"resistance has shape {ohm.shape}, not {circuit.shape}")
-    g = np.where(circuit.populated, 1.0 / ohm, 0.0)
-    return circuit.readout_class.by_conductance(circuit, g) * -np.square(g)

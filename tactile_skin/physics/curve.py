@@ -12,7 +12,7 @@ import numpy.typing as npt
 from ..errors import FileError
 from ..files import shorten
 from . import compiled
-from .arrays import Floats
+from .arrays import Floats, frozen
 
 GRAM = 9.80665e-3  # N: weight of one gram; the paper and its figures speak in grams a cell
 
@@ -23,11 +23,9 @@ _DEFAULT_RESISTANCE = (40000, 12000, 6500, 3500, 1500, 800, 420, 170, 85)  # ohm
 
 
 class Table:
-    """A function that is linear between points, as `np.interp`, which takes three times as long.
+    """A function that is linear between points (n,), as `np.interp`, in a third of its time.
 
-    Args:
-        points: (n,) where it is known, rising, not all alike.
-        values: (n,) there; before the first point and after the last the function stays.
+    The points rise, and are not all alike.
     """
 
     def __init__(self, points: Floats, values: Floats) -> None:
@@ -155,37 +153,29 @@ class PressureCurve:
         A pressed cell conducts a hundred times as much and hardly feels it.
         """
         resistance = np.asarray(resistance, dtype=float)
-        if not (resistance > self.points[-1][1]).all() or not np.isfinite(resistance).all():
-            bad = resistance[~((resistance > self.points[-1][1]) & np.isfinite(resistance))]
+        bad = resistance[~((resistance > self.points[-1][1]) & np.isfinite(resistance))]
+        if bad.size:
             raise ValueError(
-                f"curve: a cell that rests at {bad.flat[0]} ohm: must be finite and above the "
+                f"curve: a cell that rests at {bad[0]} ohm: must be finite and above the "
                 f"curve's end, {self.points[-1][1]:g} ohm"
             )
         tared = copy.copy(self)
-        tared.offset = 1.0 / resistance - 1.0 / self.points[0][1]
-        tared.offset.setflags(write=False)
+        tared.offset = frozen(1.0 / resistance - 1.0 / self.points[0][1])
         return tared
 
     def with_gain(self, gain: npt.ArrayLike | None) -> PressureCurve:
-        """Return the curve of cells with (rows, cols) times the force that it says; None: 1.
-
-        Of arrays that do not end in (rows, cols) it is that of the usual cell.
-        """
+        """Return the curve of cells with (rows, cols) times the force; None, other arrays: 1."""
         own = copy.copy(self)
-        own.gain = None if gain is None else np.array(gain, dtype=float)
+        own.gain = None if gain is None else frozen(np.array(gain, dtype=float))
         if own.gain is not None:
             positive = (own.gain > 0.0) & (own.gain < np.inf)
             if not positive.all():
                 bad = own.gain[~positive].flat[0]
                 raise ValueError(f"curve: a cell of gain {bad:g}: must be above 0 and finite")
-            own.gain.setflags(write=False)
         return own
 
     def up_to(self, force: float) -> PressureCurve:
-        """Return the curve with a `max_force` of `force` [N] at least.
-
-        Beyond its last point a cell conducts more with each newton as between its last two.
-        """
+        """Return the curve with a `max_force` of `force` [N] at least: it goes on as it ended."""
         end = force / (1.0 if self.gain is None else float(self.gain.min()))
         (before, _), (last, _) = self.points[-2:]
         if end <= last:
@@ -262,21 +252,15 @@ class PressureCurve:
         return slope
 
     def describe(self) -> dict[str, list[float]]:
-        """Return the curve's points as plain lists, as trained weights keep them.
-
-        `load` reads them. Offset and gain, which belong to one skin, are left out.
-        """
+        """Return the points as plain lists, without one skin's offset and gain, as `load` reads."""
         force, resistance = zip(*self.points, strict=True)
         return {"force": list(force), "resistance": list(resistance)}
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, PressureCurve) or self.points != other.points:
             return False
-        own, others = (self.offset, self.gain), (other.offset, other.gain)
-        return all(
-            a is b or (a is not None and b is not None and np.array_equal(a, b))
-            for a, b in zip(own, others, strict=True)
-        )
+        both = (self.offset, other.offset), (self.gain, other.gain)
+        return all(a is b or np.array_equal(a, b) for a, b in both)  # type: ignore[arg-type]
 
     def __hash__(self) -> int:
         return hash(self.points)

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The accelerated fixed point g <- g * rho(g) / measured.
-
-The compiled loop does it where there is one (compiled/), else NumPy does the same.
-"""
+"""The accelerated fixed point g <- g * rho(g) / measured, compiled or in NumPy."""
 
 from __future__ import annotations
 
@@ -14,10 +11,7 @@ from scipy.linalg import lapack
 
 from . import compiled
 from .arrays import Floats, Ints
-from .compiled import implementation
 from .laplacian import connected_rho
-
-__all__ = ["fixed_point", "implementation"]
 
 _HISTORY = 6  # earlier steps that are combined: Walker and Ni 2011; network.c's HISTORY
 _RIDGE = 1e-10  # share of the trace, by which the steps' Gram matrix is made regular
@@ -42,18 +36,14 @@ def fixed_point(
 
     Args:
         g: (rows, cols) where to begin [S]; not changed.
-        cells: (n,) flat, the cells that move; the others stay.
-        measured: (n,) measured two-terminal resistance of each [ohm].
-        low, high: (n,) bounds of log g.
-        r_ref, r_par: of the voltage divider [ohm], by which the misfit is weighed; with `read`
-            also (n,) of them.
+        cells: (n,) flat, the cells that move; `measured` (n,) [ohm]; low, high: bounds of log g.
+        r_ref, r_par: of the divider [ohm], by which the misfit is weighed; with `read` (n,) too.
         goal: sum of the squared misfits of the ADC ratios at which to stop.
-        steps: at most so many.
         deadline: `time.monotonic` at which to stop; compiled, at which not to begin.
         read: g (rows, cols) -> rho (rows, cols); None: `connected_rho`.
 
     Returns:
-        g (rows, cols) and the steps taken.
+        g (rows, cols) and the steps taken, `steps` at most.
     """
     if read is None and time.monotonic() <= deadline:
         divider = float(r_ref), float(r_par)

@@ -7,8 +7,6 @@ are led out beside column 0, columns above row 0 (docs/derivation.md).
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from . import laplacian
@@ -18,7 +16,7 @@ FIRST_ORDER = 15.0  # ohm of a stripe
 
 
 def added_resistance(k: Floats, g: Floats, r_row: Floats, r_col: Floats) -> Floats:
-    """Return what stripes of small resistance add between a crossing's two leads, at first order.
+    """Return (rows, cols) [ohm] what stripes of so many ohm add between leads, at first order.
 
     A small resistance in series with a branch adds itself times the square of the branch's current
     at unit current (Tellegen). With m_s the vector of the currents that a piece s carries for a
@@ -26,11 +24,6 @@ def added_resistance(k: Floats, g: Floats, r_row: Floats, r_col: Floats) -> Floa
 
     Args:
         k: inverse of the Laplacian of ideal stripes (lines, lines) [ohm].
-        g: (rows, cols) conductance of the cells [S].
-        r_row, r_col: (rows,) and (cols,) resistance of each stripe from lead to far end [ohm].
-
-    Returns:
-        (rows, cols) [ohm].
     """
     rows, cols = g.shape
     current = g[:, :, None] * (k[:rows, None] - k[None, rows:])  # (rows, cols, lines), of cells
@@ -47,33 +40,20 @@ def added_resistance(k: Floats, g: Floats, r_row: Floats, r_col: Floats) -> Floa
 def added(g: Floats, stripes: tuple[Floats, Floats], exact: bool = False) -> Floats:
     """(rows, cols) [ohm] that `stripes` add between the leads: first order where that is enough.
 
-    Up to stripes of `FIRST_ORDER` it misses a reading of 10 bits by 0.45 steps at most (loads of
-    up to 1 kg on each cell, 8 x 8 and 16 x 16), by 0.07 where single bodies press.
+    Up to `FIRST_ORDER` it misses a reading of 10 bits by 0.45 steps at most (loads of up to 1 kg
+    on each cell, 8 x 8 and 16 x 16), by 0.07 where single bodies press.
     """
     network = laplacian.solve(g)
     if not exact and max(map(np.max, stripes)) <= FIRST_ORDER:
         return added_resistance(network.k, g, *stripes)
-    return solve(g, *stripes).rho - network.rho
+    return solve(g, *stripes) - network.rho
 
 
-class Lines(NamedTuple):
-    """The literal network of one frame."""
+def solve(g: Floats, r_row: Floats, r_col: Floats) -> Floats:
+    """Return (rows, cols) [ohm] between two leads, the others open; infinite where no path is.
 
-    # (rows, cols) resistance between the leads of a row and a column, every other lead open [ohm];
-    # infinite where no path connects them
-    rho: Floats
-    # (rows, cols, lines) voltage across each cell for a unit current into each lead and out of one
-    # ground [ohm]: t_ab = across_b,i - across_b,j is the transfer resistance between cell b and the
-    # crossing a = (i, j)
-    across: Floats
-
-
-def solve(g: Floats, r_row: Floats, r_col: Floats) -> Lines:
-    """Kirchhoff's laws with a node on either stripe at each crossing; exact.
-
-    Args:
-        g: (rows, cols) conductance of the cells [S], 0 where there is none.
-        r_row, r_col: (rows,) and (cols,) resistance of each stripe from lead to far end [ohm].
+    Kirchhoff's laws with a node on either stripe at each crossing; exact. Of cells g (rows, cols)
+    [S], and stripes of (rows,) and (cols,) ohm from lead to far end.
     """
     # Here: most skins have no such stripes, and a simulated board starts sooner without.
     from scipy import sparse
@@ -109,10 +89,8 @@ def solve(g: Floats, r_row: Floats, r_col: Floats) -> Lines:
     ends = np.concatenate([on_row[:, 0], on_col[0]])
     unit = np.zeros((size + number, ends.size))
     unit[ends, np.arange(ends.size)] = 1.0
-    voltage = splu(system).solve(unit)  # and the pieces' currents
-    k = voltage[ends]
+    k = splu(system).solve(unit)[ends]  # without the other voltages, and the pieces' currents
     own = k.diagonal()
     rho = own[:rows, None] + own[rows:] - k[:rows, rows:] - k[rows:, :rows].T
     rho += (r_row / cols)[:, None] + r_col / rows
-    rho = np.where(part[ends[:rows], None] == part[ends[rows:]], rho, np.inf)
-    return Lines(rho, (voltage[: g.size] - voltage[g.size : size]).reshape(*g.shape, -1))
+    return np.where(part[ends[:rows], None] == part[ends[rows:]], rho, np.inf)

@@ -125,8 +125,8 @@ def compensate(
 def _one(reading: Reading, method: str, given: dict) -> Estimate:
     """One frame by one method, with the arguments that it takes.
 
-    The methods know stripes without resistance. What the stripes add to each reading depends little
-    on the picture, so it is taken from a guess, and from the estimate until it stays.
+    The methods know stripes without resistance. What these add depends little on the picture: it is
+    taken from a guess, and from the estimate until it stays.
     """
     stripes = reading.circuit.stripes
     solve = METHODS[method]

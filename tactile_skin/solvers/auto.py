@@ -23,10 +23,9 @@ _IDLE_PEAK = 4.5
 def auto(reading: Reading, start: Estimate | None = None, hurry: bool = False) -> Estimate:
     """Nothing where nothing touches, `newton` for exact readings that it explains, else `map`.
 
-    `map` sizes itself: its unknowns are the touched cells alone, and it stops at the noise. In a
-    hurry, `fixed_point` stands for both: it takes a tenth of the time of a fit under a palm, errs
-    by twice as much, and says nothing of the circuit. Where two pictures may explain a frame, only
-    `map` says so.
+    In a hurry, `fixed_point` stands for both: it takes a tenth of the time of a fit under a palm,
+    errs by twice as much, and says nothing of the circuit. Where two pictures may explain a frame,
+    only `map` says so.
     """
     circuit, curve = reading.circuit, reading.curve
     rest = rest_reading(circuit, curve)

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.ndimage import correlate
 
 from ..physics import kernel, readouts
+from ..physics.arrays import frozen
 from ..physics.curve import PressureCurve
 from .estimate import Estimate
 from .reading import Reading
@@ -56,17 +57,12 @@ def last_guess(reading: Reading, start: Estimate) -> np.ndarray:
 @lru_cache(maxsize=16)
 def _conductance(estimate: Estimate, curve: PressureCurve) -> np.ndarray:
     """(rows, cols) [S]; kept, as a frame asks for its own and the last one's a few times."""
-    g = 1.0 / curve.resistance(estimate.force)
-    g.setflags(write=False)
-    return g
+    return frozen(1.0 / curve.resistance(estimate.force))
 
 
 def fill(reading: Reading, g: np.ndarray) -> np.ndarray:
-    """Start cells whose own reading is missing from the mean of their read neighbours' log g.
-
-    From rest, the prior would take them for holes in a touch.
-    """
-    unread = reading.circuit.populated & ~reading.known & ~reading.capped & ~reading.topped
+    """Start cells that were not read from their neighbours' mean log g: no holes in a touch."""
+    unread = reading.circuit.populated & ~reading.informative
     if not unread.any():
         return g
     read = reading.circuit.populated & ~unread
@@ -76,13 +72,9 @@ def fill(reading: Reading, g: np.ndarray) -> np.ndarray:
 
 
 def iterate(reading: Reading, g, steps: int, target: float) -> tuple[np.ndarray, int]:
-    """`kernel.fixed_point` over the cells that were read, until the RMS misfit is `target` steps.
+    """`kernel.fixed_point` of cells that were read, until the RMS misfit is `target` [ADC steps].
 
-    Args:
-        target: [ADC steps].
-
-    Returns:
-        g (rows, cols) [S], within the curve's bounds, and the steps taken.
+    Returns g (rows, cols) [S], within the curve's bounds, and the steps taken.
     """
     circuit = reading.circuit
     # nothing to iterate: g is the closed form, or near it

@@ -3,12 +3,9 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 
 from ..learning import network
-from ..physics.laplacian import connected_rho
 from .estimate import Estimate
 from .reading import Reading
 from .suspect import estimate_from_force, network_of
@@ -48,14 +45,8 @@ def _with_single_cells(force: np.ndarray, there: tuple, reading: Reading):
     """Return the force with cells that their reading determines alone; `network_of` it, if known.
 
     The networks learnt from touches of several cells: of a corner of 10 kg on one cell they find
-    half, or nothing at the skin's rim, and a stop would not come. Nearly all of the current at the
-    crossing flows through such a cell, so the current around it, as the network's force implies it,
-    need not be accurate.
+    half, or nothing at the skin's rim, and a stop would not come.
     """
-    # The current around a cell rises with the load: where even that of an untouched skin is too
-    # large, there is no such cell.
-    if not (reading.rho < _max_own_rho(reading.circuit, reading.curve)).any():
-        return force, there
     around = 1.0 / there[2].rho - there[1]  # S
     alone = around * reading.rho < 1.0 - _OWN_SHARE
     if reading.circuit.mask is not None:
@@ -65,14 +56,3 @@ def _with_single_cells(force: np.ndarray, there: tuple, reading: Reading):
     own = 1.0 / reading.rho - around
     pressed = reading.curve.force(1.0 / np.where(alone, own, 1.0))
     return np.where(alone, np.maximum(force, pressed), force), None
-
-
-@lru_cache(maxsize=16)
-def _max_own_rho(circuit, curve) -> np.ndarray:
-    """(rows, cols) [ohm] below which a reading may be that of its own cell alone.
-
-    Of a higher one, the share of the paths around the cell is too large even on a skin at rest.
-    """
-    g = circuit.populated / curve.rest_resistance
-    around = 1.0 / connected_rho(g) - g
-    return (1.0 - _OWN_SHARE) / around

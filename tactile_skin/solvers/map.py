@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..findings.finding import Finding, Kind
-from ..physics.conjugate_gradients import conjugate_gradients
+from ..physics.laplacian import conjugate_gradients
 from ..physics.quadratic import solve_in_box
 from ..physics.readouts import BOUND
 from . import prior as prior_terms
@@ -49,8 +49,7 @@ def map_estimate(reading: Reading, start: Estimate | None = None) -> Estimate:
     """Most probable force, from `start` or from a few steps of the fixed point.
 
     A start may lead to a bad local fit, so a suspect frame is solved again without it. What is
-    doubted once the time is over, more time might explain. Where two pictures may explain a frame,
-    both are sought, each from a start of its own.
+    doubted once the time is over, more time might explain.
     """
     reading, warm = reading.above_cut_off(), start is not None
     g = first_guess(reading) if start is None else last_guess(reading, start)
@@ -101,11 +100,7 @@ def _unless_another(reading: Reading, estimate: Estimate) -> Estimate:
 
 
 def _unchanged(reading: Reading, start: Estimate, g: np.ndarray) -> Estimate | None:
-    """Return the last frame's estimate if it explains this one as well: the load is the same.
-
-    The misfit of readings of the same load to the last fit is noise, and a little more for the
-    noise that that fit had absorbed.
-    """
+    """Return the last frame's estimate if it explains this one as well: the load is the same."""
     if start.method != "map" or start.status != "ok" or not reading.noise:
         return None
     noise = reading.noise if reading.noise_given else start.noise
@@ -118,12 +113,10 @@ def _unchanged(reading: Reading, start: Estimate, g: np.ndarray) -> Estimate | N
 def _fit(
     reading: Reading, g: np.ndarray, warm: bool = False, fits: int = _MAX_FITS, level=True
 ) -> Estimate:
-    """Fit the load to a reading.
+    """Fit the load to a reading, from g; `warm`: that is close to the answer.
 
-    Args:
-    warm: g is close to the answer; a step that went as predicted is then the last one.
-    fits: that may be made to measure the noise, where it was not given.
-    level: whether the load may be one of the level prior.
+    Where the noise was not given, so many `fits` may measure it. `level`: whether that prior is
+    tried.
     """
     circuit, begin = reading.circuit, g
     g, steps = iterate(reading, g, START_STEPS, _NEAR * reading.fitted_noise)
@@ -154,30 +147,16 @@ def _fit(
     residual = reading.residual(adc)
     finding = suspect.by_reading(reading)
     finding = finding or suspect.by_residual(reading, point.model.adc, ROUNDING_NOISE)
-    status, message = ("suspect", str(finding)) if finding else ("ok", "")
-    if not converged:
-        why = "" if step.solved else ": the step exceeds single precision"
-        status, message = "failed", suspect.no_convergence(reading, iterations) + why
-    return Estimate(
-        force,
-        std,
-        residual,
-        status,
-        message,
-        "map",
-        steps + iterations,
-        noise=reading.noise,
-        finding=finding,
-    )
+    failure = "" if converged else suspect.no_convergence(reading, iterations)
+    failure += "" if step.solved else ": the step exceeds single precision"
+    said = (*suspect.status_of(finding, failure), "map", steps + iterations, reading.noise)
+    return Estimate(force, std, residual, *said, finding=finding)
 
 
 def _forces(
     reading: Reading, point: Point, step: _Step, converged: bool, broad: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the force of each cell [N], its standard deviation [N] and the ADC ratio it gives.
-
-    Each is (rows, cols). Where a fit has converged, each cell is smoothed with its neighbours.
-    """
+    """(rows, cols) force [N], its standard deviation [N], and the ADC ratio that it gives."""
     circuit = reading.circuit
     g, std_x, adc = point.model.g, _std_x(point, step.equations), point.model.adc
     # Readings that share a sum share its error, of which each cell's standard deviation tells
@@ -186,13 +165,12 @@ def _forces(
     if converged and not broad and independent and step.equations is not None:
         smoothed = prior_terms.with_neighbours(reading, point, step.equations, std_x)
         g, std_x, adc = smoothed or (g, std_x, adc)
-    log_g = np.log(g if circuit.mask is None else np.where(circuit.mask, g, 1.0))
+    cells = circuit.populated
+    log_g = np.log(np.where(cells, g, 1.0))
     std_x = std_x if broad and independent else _WIDEN * std_x
-    force = reading.curve.force_at(log_g)
-    std = spread(reading.curve, log_g, np.minimum(std_x, 10.0))
-    if circuit.mask is not None:
-        force, std = force * circuit.mask, std * circuit.mask
-    any_force = reading.known & circuit.populated & (reading.adc >= circuit.near_short)
+    force = reading.curve.force_at(log_g) * cells
+    std = spread(reading.curve, log_g, np.minimum(std_x, 10.0)) * cells
+    any_force = reading.known & cells & (reading.adc >= circuit.near_short)
     at_end = reading.topped | any_force
     if at_end.any():  # up to the curve's end all is as likely
         end = reading.curve.max_force
@@ -232,11 +210,7 @@ def _gain_alone(reading: Reading, point: Point) -> float:
 
 
 def _leaves_level(reading: Reading, point: Point) -> bool:
-    """Whether a fit with the level prior finds a load that does not cover the skin.
-
-    The first guess lifts cells beside a hard touch, which that prior lets go. Noise does the same
-    to an even load, so it must be known.
-    """
+    """Whether a fit with the level prior finds that the load does not cover the skin."""
     at_rest = point.model.g < NEAR_REST * reading.bounds[0]
     return reading.noise_given and not prior_terms.is_broad(reading.circuit, at_rest)
 
@@ -251,11 +225,7 @@ def _with_noise_at_rest(reading: Reading, g: np.ndarray) -> Reading:
 
 
 def _noise_left(reading: Reading, point: Point, step: _Step) -> float:
-    """RMS noise [ADC steps] by what a fit leaves, corrected for what its unknowns absorbed.
-
-    The distance of outliers does not count; where the unknowns absorb nearly all readings, the
-    noise is what boards usually have.
-    """
+    """RMS noise [ADC steps] by what a fit leaves, corrected for what its unknowns absorbed."""
     absorbed = 0.0 if step.equations is None else step.equations.absorbed
     left = reading.n_informative - absorbed
     misfit = suspect.beside_sums(reading, point.model.misfit)
@@ -331,10 +301,7 @@ def _descend(reading: Reading, point: Point, step: _Step, broad: bool, ceiling) 
 
 
 def _std_x(point: Point, equations: NormalEquations | None) -> np.ndarray:
-    """(rows, cols) standard deviation of x: of the posterior for cells that met no bound.
-
-    From each one's own reading and prior alone for cells held at a bound.
-    """
+    """(rows, cols) standard deviation of x; of cells at a bound by their own reading and prior."""
     std_x = 1.0 / np.sqrt(point.curvature + 1e-12)
     if equations is not None:
         std_x.flat[equations.unknowns] = np.sqrt(equations.inverse.diagonal())

@@ -32,11 +32,10 @@ _STEPS = 3  # at most; one nearly always
 
 
 class Differences:
-    """Which cells the prior compares: those beside and below one another.
+    """Which cells the prior compares: those to the right of one another, then those below.
 
     Attributes:
-        weight: (differences,) of each one's cost weight/2 log(spread^2 + d^2): 1, or 0 where a cell
-            is missing; first those to the right, then downwards.
+        weight: (differences,) of each one's cost: 1, or 0 where a cell is missing.
         here, there: (differences,) int32, flat cells, here < there, that a difference joins.
     """
 
@@ -45,8 +44,7 @@ class Differences:
         n = np.arange(cells.size, dtype=np.int32).reshape(shape)
         pairs = ((n[:, :-1], n[:, 1:]), (n[:-1], n[1:]))
         self.here, self.there = (np.concatenate([p[k].ravel() for p in pairs]) for k in (0, 1))
-        both = cells.ravel()[self.here] & cells.ravel()[self.there]
-        self.weight = both * 1.0
+        self.weight = 1.0 * (cells.ravel()[self.here] & cells.ravel()[self.there])
 
 
 @lru_cache(maxsize=16)
@@ -58,7 +56,7 @@ def differences(circuit) -> Differences:
 class Quadratic(NamedTuple):
     """A prior's quadratic majorant at some x; pictures are (rows, cols).
 
-    The precision's entries off the diagonal lie where `Differences` says; None: there are none.
+    Entries off the precision's diagonal lie where `Differences` says; None: there are none.
     """
 
     value: float
@@ -68,14 +66,10 @@ class Quadratic(NamedTuple):
 
 
 def touches(x: np.ndarray, between: Differences) -> Quadratic:
-    """Most cells are at rest; neighbours are alike, with sharp edges.
+    """Most cells are at rest, where x (rows, cols) is 0; neighbours are alike, with sharp edges.
 
-    Each difference d has the cost 1/2 log(s^2 + d^2): small ones are drawn together, a large one,
-    an edge, costs next to nothing more. Distance from rest costs log(1 + d/s): its slope at rest
-    holds a cell there that noise alone would lift.
-
-    Args:
-        x: (rows, cols), 0 at rest and where there is no cell.
+    Each difference d costs 1/2 log(s^2 + d^2), an edge next to nothing more. Distance from rest
+    costs log(1 + d/s), whose slope at rest holds a cell there that noise alone would lift.
     """
     if (found := compiled.touches(x, between.weight, _SPREAD)) is not None:
         return Quadratic(*found)
@@ -89,10 +83,7 @@ def touches(x: np.ndarray, between: Differences) -> Quadratic:
 def level(force: np.ndarray, slope: np.ndarray, cells: np.ndarray) -> Quadratic:
     """Return a load on the whole skin: each cell's force is uniform from 0 to one unknown level.
 
-    The level is twice the mean force; a uniform spread has mean / sqrt(3).
-
-    Args:
-        slope: d force / d x.
+    The level is twice the mean force; a uniform spread has mean / sqrt(3). slope: d force / d x.
     """
     mean = force[cells].mean()
     if not mean > 0.0:  # a step that is too long; no load has that level
@@ -105,10 +96,7 @@ def level(force: np.ndarray, slope: np.ndarray, cells: np.ndarray) -> Quadratic:
 
 
 def known(force, slope, mean, std, cells) -> Quadratic:
-    """Return what is known of each force, mean and std [N].
-
-    Or of each x = log conductance, whose slope is 1.
-    """
+    """Return what is known of each force, mean and std [N], or of each x, whose slope is 1."""
     off = np.where(cells, (force - mean) / std, 0.0)
     rate = np.where(cells, slope / std, 0.0)
     return Quadratic(0.5 * np.square(off).sum(), off * rate, np.square(rate), None)
@@ -122,10 +110,7 @@ def force_of(reading, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def pressed(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(rows, cols) g as of cells that all rest as the curve says [S], which is d g / d x; and x.
-
-    x is the log of it over that at rest; 0 where there is no cell.
-    """
+    """(rows, cols) g as of cells that all rest as the curve says [S], which is d g / d x; and x."""
     curve, cells = reading.curve, reading.circuit.populated
     gx = g if curve.offset is None else g - curve.offset * cells
     return gx, np.log(np.where(cells, gx * curve.points[0][1], 1.0))
@@ -146,14 +131,7 @@ def is_level(reading: Reading, g: np.ndarray) -> bool:
 
 
 class Point:
-    """All that follows from one g in a fit.
-
-    Attributes:
-        model: of the frame.
-        gx, x: (rows, cols), `pressed` of g.
-        prior: there.
-        cost: in units of 1/2 chi^2.
-    """
+    """All that follows from one g in a fit; its cost is in units of 1/2 chi^2."""
 
     def __init__(self, reading: Reading, g: np.ndarray, broad: bool):
         self.model = reading.linearised(g, reading.fitted_noise)
@@ -192,10 +170,7 @@ class Point:
         return jacobian
 
     def stepped(self, cells: np.ndarray, dx: np.ndarray) -> np.ndarray:
-        """(rows, cols) g [S] after a step dx of the x of flat cells (n,), within their bounds.
-
-        It is taken in g: the readings are closer to linear in g than in log g.
-        """
+        """(rows, cols) g [S] after a step dx of the x of flat cells (n,), within their bounds."""
         change = np.minimum(np.maximum(dx, _MOST_FALL), _MOST_RISE) * self.gx.ravel()[cells]
         low, high = (bound.ravel()[cells] for bound in self._bounds)
         g = self.model.g.copy()
@@ -223,15 +198,12 @@ class Point:
 
 
 class NormalEquations:
-    """The linear system of a fit's last step; x = log g of its unknowns.
+    """The linear system of a fit's last step; x = log g of its unknowns, (n,) flat cells.
 
-    Attributes:
-        unknowns: (n,) flat cells.
-        factor: (n, n) U of U^T U = information + curvature of the prior.
+    factor: (n, n) U of U^T U = information + curvature of the prior.
     """
 
     def __init__(self, free: np.ndarray, inside: np.ndarray, information, factor):
-        """Keep the free cells inside their bounds, of the information of all."""
         self.unknowns, self.factor = free[inside], factor
         self._inside, self._information = inside, information
 
@@ -288,19 +260,10 @@ def product(terms: Quadratic, x: np.ndarray, between: Differences) -> np.ndarray
 def with_neighbours(
     reading: Reading, point: Point, equations: NormalEquations, std_x: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Return what the neighbours of each unknown say of it, after a fit, in place of `touches`.
+    """Return g [S], std of x, and ADC ratio by what neighbours say, in place of `touches`.
 
-    A fit knows some cells well, and some of a hard patch hardly at all. A small network
-    (learning/denoiser.py) says from it what is likely of each cell, and how surely; one more step
-    meets the readings with that as the only prior.
-
-    Args:
-        point: of the fit.
-        std_x: (rows, cols) its standard deviation of x.
-
-    Returns:
-        g [S], standard deviation of x, ADC ratio, (rows, cols) each; None: the fit stays, as
-        there is no step that meets the readings as well.
+    A small network (learning/denoiser.py) says from the fit what is likely of each cell, and how
+    surely; one more step meets the readings with that as the only prior. None: it does not.
     """
     cells, free = reading.circuit.populated, equations.unknowns
     if not free.size:

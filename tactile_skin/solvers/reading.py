@@ -13,6 +13,7 @@ from scipy.special import ndtri
 
 from ..files import shorten
 from ..physics import readouts
+from ..physics.arrays import frozen
 from ..physics.circuit import Circuit, forward
 from ..physics.curve import PressureCurve
 
@@ -52,14 +53,10 @@ class Reading:
         return replace(self, noise=min(max(noise, ROUNDING_NOISE), MAX_NOISE))
 
     def above_cut_off(self) -> Reading:
-        """Return the same frame with readings next to 0 known as that only.
-
-        Where lines are driven, hard loads push others there.
-        """
+        """Return the same frame with readings next to 0, where hard loads push others, capped."""
         threshold = max(self.threshold, _CUT_OFF / self.circuit.full_scale)
         low = self.known & (self.adc <= threshold)
-        lowered = self.circuit.readout_class.loads_lower and self.noise and low.any()
-        if not lowered:
+        if not (self.circuit.readout_class.loads_lower and self.noise and low.any()):
             return self
         known, adc = self.known & ~low, np.where(low, 0.0, self.adc)
         return replace(self, adc=adc, known=known, capped=self.capped | low, threshold=threshold)
@@ -86,12 +83,15 @@ class Reading:
         """Whether each cell's own crossing was read."""
         return self.all_read or bool((self.known | ~self.circuit.populated).all())
 
+    @cached_property
+    def informative(self) -> np.ndarray:
+        """(rows, cols) bool, readings that carry a value or a limit."""
+        return self.known if self.all_read else self.known | self.capped | self.topped
+
     @property
     def n_informative(self) -> int:
-        """Number of readings that carry a value or an upper limit."""
-        if self.all_read:
-            return self.known.size
-        return int(np.count_nonzero(self.known | self.capped | self.topped))
+        """Number of readings that carry a value or a limit."""
+        return int(np.count_nonzero(self.informative))
 
     @property
     def may_fit_two(self) -> bool:
@@ -111,16 +111,12 @@ class Reading:
         """`Readout.apparent` of the frame: scale and offset of `rho`."""
         adc = self.adc
         if not self.all_read:
-            informative = self.known | self.capped | self.topped
-            adc = np.where(informative, adc, adc.sum() / max(self.n_informative, 1))
+            adc = np.where(self.informative, adc, adc.sum() / max(self.n_informative, 1))
         return readouts.apparent(self.circuit, adc)
 
     @cached_property
     def rho(self) -> np.ndarray:
-        """Return (rows, cols) measured resistance [ohm], kept finite and above 0.
-
-        It is two-terminal, or as `Readout.apparent` says.
-        """
+        """(rows, cols) measured resistance [ohm], as `Readout.apparent` says, finite, above 0."""
         return self._rho_at(self.adc)
 
     def _rho_at(self, adc: np.ndarray) -> np.ndarray:
@@ -141,7 +137,7 @@ class Reading:
 
     @cached_property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """(rows, cols) conductance [S] of each cell at rest and at the curve's end; read-only."""
+        """(rows, cols) conductance [S] of each cell at rest and at the curve's end."""
         return _bounds(self.circuit.shape, self.curve)
 
     def late(self) -> bool:
@@ -173,12 +169,7 @@ class Reading:
         return float((misfit @ misfit / max(self.n_informative, 1)) ** 0.5)
 
     def linearised(self, g: np.ndarray, std, network=None) -> Linearised:
-        """Return the model of the frame at conductances g (rows, cols) [S].
-
-        Args:
-            std: standard deviation of a reading [ADC steps], a number or (rows, cols).
-            network: of g, if known.
-        """
+        """Return the model at conductances g (rows, cols) [S], by the readings' std [ADC steps]."""
         network = network or readouts.solve(self.circuit, g)
         misfit = self.misfit(network.adc)
         misfit /= std
@@ -217,12 +208,9 @@ class Linearised(NamedTuple):
         return self.network.sensitivity(self.weight, readings, row, col)
 
     def grouped(self, cells: np.ndarray) -> tuple[Linearised, np.ndarray]:
-        """Return a model whose few readings say of the cells what all readings say.
+        """Return a model, and the few readings, (m,) int32, that say of the cells what all do.
 
         Lines without one of the cells read alike: one of them has the weight of all.
-
-        Returns:
-            the model with these weights, and (m,) int32 flat readings, those with a weight.
         """
         square, kept = np.square(self.weight), []
         lines = np.divmod(cells, self.g.shape[1])
@@ -266,8 +254,8 @@ def check_reading(
         )
     if time_limit is not None and not time_limit > 0:
         raise ValueError(f"time_limit = {time_limit!r} s: must be above 0")
-    known, none = _all_known(circuit.shape)
-    capped = topped = none
+    known = np.ones(adc.shape, bool)
+    capped = topped = ~known
     if not (adc.min() >= 0.0 and adc.max() <= 1.0):  # NaN is neither
         known = _known(adc, circuit, missing)
         adc = np.where(known, adc, 0.0)
@@ -280,28 +268,14 @@ def check_reading(
         known, adc = known & ~topped, np.minimum(adc, ceiling)
     deadline = np.inf if time_limit is None else time.monotonic() + time_limit
     given = noise is not None
-    noise = noise if given else ROUNDING_NOISE
-    at = float(threshold)
+    noise, at = noise if given else ROUNDING_NOISE, float(threshold)
     return Reading(adc, known, capped, topped, at, noise, deadline, circuit, curve, given)
 
 
 @lru_cache(maxsize=16)
 def _bounds(shape: tuple[int, int], curve: PressureCurve) -> tuple[np.ndarray, np.ndarray]:
-    """`Reading.bounds`."""
-    ends = curve.rest_resistance, curve.least_resistance
-    bounds = np.full(shape, 1.0 / ends[0]), np.full(shape, 1.0 / ends[1])
-    for array in bounds:
-        array.setflags(write=False)
-    return bounds
-
-
-@lru_cache(maxsize=16)
-def _all_known(shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """`known`, and `capped` as `topped`, of a frame that was read as a whole; read-only."""
-    flags = np.ones(shape, bool), np.zeros(shape, bool)
-    for array in flags:
-        array.setflags(write=False)
-    return flags
+    low, high = 1.0 / curve.rest_resistance, 1.0 / curve.least_resistance
+    return frozen(np.full(shape, low)), frozen(np.full(shape, high))
 
 
 def _known(adc: np.ndarray, circuit: Circuit, missing: bool) -> np.ndarray:
@@ -320,15 +294,9 @@ def _known(adc: np.ndarray, circuit: Circuit, missing: bool) -> np.ndarray:
 
 
 def noise_at_rest(misfit: np.ndarray) -> float | None:
-    """RMS noise [ADC steps] of readings that lie below a model in which nothing can be lower.
+    """RMS noise by the misfits [ADC steps] of cells at rest that are below 0; None: too few.
 
     Noise that lifts such a reading may pass for a light touch; noise that lowers it cannot.
-
-    Args:
-        misfit: reading minus model of cells at rest [ADC steps].
-
-    Returns:
-        None: there are too few.
     """
     below = -misfit[misfit < 0.0]
     return robust_std(below) if below.size >= FEW else None
@@ -344,8 +312,7 @@ def rounding_left(steps: np.ndarray) -> float:
     """RMS error that rounding leaves of mean readings [ADC steps]; NaN: not read.
 
     Readings that noise does not move keep what rounding cut off: their means have no fraction. By
-    noise of half a step and more the means of readings of all sizes take all fractions alike,
-    and what is left of rounding is noise (dither; Widrow and Kollar, Quantization Noise, 2008).
+    noise of half a step and more it is noise (dither; Widrow and Kollar, Quantization Noise, 2008).
     """
     lost = 1.0 - np.nanmean(np.square(steps - np.rint(steps))) / ROUNDING_NOISE**2
     return float(ROUNDING_NOISE * max(lost, 0.0))
@@ -354,6 +321,4 @@ def rounding_left(steps: np.ndarray) -> float:
 @lru_cache(maxsize=16)
 def rest_reading(circuit: Circuit, curve: PressureCurve) -> np.ndarray:
     """(rows, cols) ADC ratio of the untouched skin."""
-    adc = forward(circuit, np.broadcast_to(curve.rest_resistance, circuit.shape))
-    adc.setflags(write=False)
-    return adc
+    return frozen(forward(circuit, np.broadcast_to(curve.rest_resistance, circuit.shape)))

@@ -24,15 +24,6 @@ def read(rng, steps) -> np.ndarray:
     return steps + NOISE * rng.standard_normal(steps.shape)
 
 
-@pytest.mark.parametrize("shape", SHAPES)
-def test_a_sound_skin_has_none(shape):
-    """Unlike cells or all alike: what is compared is noise, then."""
-    rng, cells = np.random.default_rng(11), np.ones(shape, bool)
-    for scatter in (0.0, 0.03, 0.1):
-        for _ in range(60):
-            assert equal_lines(read(rng, rest(rng, shape, scatter)), NOISE, cells) == []
-
-
 @pytest.mark.parametrize("shape", [(8, 8), (16, 16)])
 @pytest.mark.parametrize("axis", [0, 1])
 def test_a_line_that_is_read_twice_is_named(shape, axis):

@@ -44,15 +44,6 @@ def test_a_single_row_has_no_cross_talk():
 sizes = st.tuples(st.integers(2, 9), st.integers(2, 9), st.integers(0, 2**32 - 1))
 
 
-@settings(max_examples=30, deadline=None)
-@given(sizes)
-def test_foster(size):
-    """Foster's theorem: the sum of g * rho over all resistors is the number of nodes less one."""
-    rows, cols, seed = size
-    g = 1.0 / random_resistance(np.random.default_rng(seed), rows, cols)
-    assert np.sum(g * two_terminal_resistance(g)) == pytest.approx(rows + cols - 1, rel=1e-9)
-
-
 @settings(max_examples=20, deadline=None)
 @given(sizes)
 def test_reciprocity(size):

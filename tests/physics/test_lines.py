@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tactile_skin.physics import laplacian, lines
-from tactile_skin.physics.circuit import Circuit, forward, jacobian
+from tactile_skin.physics.circuit import Circuit, forward
 from tactile_skin.physics.laplacian import two_terminal_resistance as ideal
 from tactile_skin.simulation.network import Wiring, between_leads
 
@@ -25,28 +25,28 @@ def test_the_literal_network_is_that_of_the_simulation(shape):
     for r_line in (0.0, 0.1, 10.0, 1000.0):
         wiring = replace(Wiring.sound(*shape), stripe=r_line, leakage=0.0)
         rows, cols = (np.full(n, r_line) for n in shape)
-        found = lines.solve(g, rows, cols).rho
+        found = lines.solve(g, rows, cols)
         np.testing.assert_allclose(found, between_leads(g[None], wiring)[0], rtol=1e-9)
 
 
 def test_a_single_crossing_by_hand():
     """One cell between one piece of either stripe: three resistances in series."""
     g = np.array([[1.0 / 500.0]])
-    assert lines.solve(g, np.array([7.0]), np.array([11.0])).rho == pytest.approx(518.0)
+    assert lines.solve(g, np.array([7.0]), np.array([11.0])) == pytest.approx(518.0)
 
 
 def test_each_stripe_has_its_own():
     """A lone cell at the far corner sees the whole of its row's and its column's stripe."""
     g = np.full((3, 4), 1e-12)
     g[2, 3] = 1e-2
-    found = lines.solve(g, np.array([1.0, 2.0, 4.0]), np.array([8.0, 16.0, 32.0, 64.0])).rho
+    found = lines.solve(g, np.array([1.0, 2.0, 4.0]), np.array([8.0, 16.0, 32.0, 64.0]))
     assert found[2, 3] == pytest.approx(100.0 + 4.0 + 64.0, rel=1e-6)
 
 
 def test_lines_that_no_path_connects():
     """Infinite between the parts, finite within, as of ideal stripes."""
     g = np.kron(np.eye(2), np.full((2, 2), 1e-3))
-    found = lines.solve(g, np.full(4, 5.0), np.full(4, 5.0)).rho
+    found = lines.solve(g, np.full(4, 5.0), np.full(4, 5.0))
     np.testing.assert_array_equal(np.isinf(found), np.isinf(ideal(g)))
 
 
@@ -59,7 +59,7 @@ def test_the_first_order_is_exact_to_the_second(shape):
     def missed(r_line):
         stripes = [r_line * np.linspace(0.5, 1.5, n) for n in shape]
         added = lines.added_resistance(k, g, *stripes)
-        return np.abs(lines.solve(g, *stripes).rho - rho - added).max()
+        return np.abs(lines.solve(g, *stripes) - rho - added).max()
 
     assert missed(1.0) < 1e-2  # ohm
     assert missed(0.5) == pytest.approx(0.25 * missed(1.0), rel=0.05, abs=1e-9)
@@ -70,27 +70,12 @@ def test_forward_reads_the_stripes_too():
     g = cells((2, 5, 7), seed=2)
     circuit = Circuit(5, 7, r_line=np.arange(12.0))
     stripes = np.arange(5.0), np.arange(5.0, 12.0)
-    expected = [circuit.ratio(lines.solve(frame, *stripes).rho) for frame in g]
+    expected = [circuit.ratio(lines.solve(frame, *stripes)) for frame in g]
     np.testing.assert_allclose(forward(circuit, 1.0 / g), expected)
     none = forward(Circuit(5, 7), 1.0 / g)
     np.testing.assert_array_equal(forward(Circuit(5, 7, r_line=0.0), 1.0 / g), none)
     tiny = forward(Circuit(5, 7, r_line=1e-9), 1.0 / g)
     np.testing.assert_allclose(tiny, none, rtol=1e-9)
-
-
-def test_the_jacobian_is_that_of_finite_differences():
-    """Of the literal network, masked cells among them."""
-    mask = np.ones((3, 4), bool)
-    mask[1, 2] = False
-    circuit = Circuit(3, 4, mask=mask, r_line=np.linspace(5.0, 40.0, 7))
-    resistance = 1.0 / cells((3, 4), seed=3)
-    exact = jacobian(circuit, resistance)
-    for cell in np.ndindex(3, 4):
-        step = np.zeros((3, 4))
-        step[cell] = 1e-5 * resistance[cell]
-        difference = forward(circuit, resistance + step) - forward(circuit, resistance - step)
-        difference /= 2.0 * step[cell]
-        np.testing.assert_allclose(exact[(..., *cell)], difference, rtol=1e-5, atol=1e-12)
 
 
 @pytest.mark.parametrize("wrong", [-1.0, np.nan, np.inf, np.ones(3)])

@@ -147,3 +147,10 @@ def behind_diodes(ideal: np.ndarray, circuit, diode: str, supply: float) -> np.n
         for s in set(per_volt.ravel())
     }
     return ideal * np.vectorize(of_current.get)(per_volt) / supply
+
+
+def transfer_resistance(k: np.ndarray, rows: int) -> np.ndarray:
+    """t (cells, cells) [ohm] between two crossings, of K (lines, lines), written out."""
+    unit = np.eye(len(k))
+    ends = (unit[:rows, None] - unit[None, rows:]).reshape(-1, len(k))
+    return ends @ k @ ends.T

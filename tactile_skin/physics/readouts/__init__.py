@@ -7,10 +7,9 @@
     virtual_ground.py  one row is driven, an amplifier holds each column at 0 V
     readout.py         what all of them answer         driven.py    what the middle two share
 
-In the last three readouts rows and columns may change places. A readout is a class: what differs
-between readouts stands there, and nobody else asks which one it is. `solve` gives its object, the
-network of one frame (docs/derivation.md). A fifth readout is a file here, its place in `_ALL`, and
-a line in tests/physics/test_readouts.py.
+In the last three rows and columns may change places. What differs between readouts stands in their
+classes, and nobody else asks which one it is. A fifth readout is a file here, its place in `_ALL`,
+and a line in tests/physics/test_readouts.py.
 """
 
 from __future__ import annotations
@@ -21,26 +20,12 @@ from ..arrays import Floats
 from .floating import Floating
 from .grounded import Grounded
 from .loaded import Loaded
-from .readout import BOUND, Readout
+from .readout import BOUND as BOUND
+from .readout import Readout as Readout
 from .virtual_ground import VirtualGround
 
 if TYPE_CHECKING:
     from ..circuit import Circuit
-
-__all__ = [
-    "BOUND",
-    "BY_NAME",
-    "DRIVEN",
-    "PASSIVE",
-    "READOUTS",
-    "Floating",
-    "Grounded",
-    "Loaded",
-    "Readout",
-    "VirtualGround",
-    "apparent",
-    "solve",
-]
 
 _ALL: tuple[type[Readout], ...] = Floating, Loaded, Grounded, VirtualGround
 BY_NAME = {readout.name: readout for readout in _ALL}

@@ -69,19 +69,10 @@ class Driven(Readout):
     @classmethod
     @abstractmethod
     def _from_supply(cls, circuit: Circuit, before: Floats, own: Floats) -> Floats:
-        """Return what lies between the supply and a source that drives each line alone [ohm].
-
-        Args:
-            before: (driven,) leads [ohm].
-            own: (driven,) of each line to ground, not driven [ohm].
-        """
+        """Return what lies between the supply and a source that drives each line alone [ohm]."""
 
     def _of_inverse(self, k: Floats, drive: Floats | float) -> None:
-        """Fill P and K from the inverse, by what the current into each driven line flows through.
-
-        Args:
-            drive: a number or (driven, 1) [ohm].
-        """
+        """Fill P and K from the inverse; each driven line is driven through `drive` [ohm]."""
         rows = self._rows
         self._at_sense, self._back = k.diagonal()[rows:], k[:rows, rows:]
         self._p, self._k = k[:rows] / drive, k[rows:]

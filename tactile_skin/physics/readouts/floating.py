@@ -116,27 +116,12 @@ class Floating(Readout):
         return 1.0, cls.in_series(circuit)
 
     @classmethod
-    def guess(
-        cls, circuit: Circuit, adc: Floats, rho: Floats, bounds: Pair, product: float = 1.0
-    ) -> Floats:
+    def product(cls, circuit: Circuit) -> float:
         """Return what keeps Foster's sum: that of g * rho is rows + cols - 1."""
-        product = (sum(circuit.shape) - 1) / np.count_nonzero(circuit.populated)
-        return super().guess(circuit, adc, rho, bounds, product)
+        return (sum(circuit.shape) - 1) / np.count_nonzero(circuit.populated)
 
     @classmethod
     def read(cls, circuit: Circuit, g: Floats) -> Floats:
         if circuit.stripes is None:
             return circuit.ratio(laplacian.two_terminal_resistance(g))
-        return circuit.ratio(np.array([lines.solve(frame, *circuit.stripes).rho for frame in g]))
-
-    @classmethod
-    def by_conductance(cls, circuit: Circuit, g: Floats) -> Floats:
-        if circuit.stripes is None:
-            ideal = laplacian.solve(g)
-            rho, transfer = ideal.rho, laplacian.transfer_resistance(ideal)
-        else:
-            behind = lines.solve(g, *circuit.stripes)
-            row, col = np.split(np.moveaxis(behind.across, 2, 0), [circuit.rows])
-            rho, transfer = behind.rho, row[:, None] - col
-        slope = circuit.ratio(rho) ** 2 / circuit.r_ref
-        return slope[:, :, None, None] * np.square(transfer)
+        return circuit.ratio(np.array([lines.solve(frame, *circuit.stripes) for frame in g]))

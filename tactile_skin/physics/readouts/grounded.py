@@ -69,9 +69,7 @@ class Grounded(Driven):
         return np.maximum(1.0 - used, LEAST_SCALE), 0.0
 
     @classmethod
-    def guess(
-        cls, circuit: Circuit, adc: Floats, rho: Floats, bounds: Pair, product: float = 1.0
-    ) -> Floats:
+    def guess(cls, circuit: Circuit, adc: Floats, rho: Floats, bounds: Pair) -> Floats:
         """Return the solution, if the drivers are ideal and noise is small."""
         return _within_bounds(circuit, adc, bounds)
 
@@ -133,8 +131,8 @@ def _within_bounds(circuit: Circuit, adc: Floats, bounds: Pair) -> Floats:
 def _left(circuit: Circuit, v: Floats, free: Bools) -> Floats:
     """Return 1 - sum v of each sense line over its free cells.
 
-    Where there is no cell, v is noise if the drivers are ideal, and is left out. Drivers that yield
-    put a voltage there, which belongs to the sum: cells of a tenth of the load would fit without.
+    Without a cell, v is noise if the drivers are ideal. Those that yield put a voltage there, which
+    belongs to the sum: cells of a tenth of the load would fit without.
     """
     counted = free | ~circuit.populated if circuit.r_drive else free
     left: Floats = 1.0 - (v * counted).sum(circuit.sense_axis, keepdims=True)

@@ -67,11 +67,7 @@ class Readout(ABC):
         return np.zeros(self.adc.shape)
 
     def behind_stripes(self, further: Floats) -> Readout:
-        """Return the same behind the circuit's stripes, at first order.
-
-        Args:
-            further: (rows, cols) [ohm] that they add beyond that.
-        """
+        """Return the same behind the stripes, at first order and (rows, cols) ohm `further`."""
         return self
 
     @abstractmethod
@@ -123,11 +119,7 @@ class Readout(ABC):
     def sharing(cls, circuit: Circuit, cells: float, picture: Floats | None) -> float:
         """Return how many cells of a touch may share the current through what lies in series.
 
-        An ohm there hides as much as so many ohm of each of them.
-
-        Args:
-            cells: how many it has, if they are alike.
-            picture: (rows, cols) resistances of all cells [ohm]; None: not known.
+        Of so many cells that are alike, or by the (rows, cols) resistances of all of them [ohm].
         """
 
     @classmethod
@@ -135,23 +127,24 @@ class Readout(ABC):
     def apparent(cls, circuit: Circuit, adc: Floats) -> tuple[Floats | float, float]:
         """Return how readings (..., rows, cols) become resistances that follow their own cell most.
 
-        Returns:
-            scale, to be broadcast, or a number, and offset [ohm], of r_ref * scale / adc - offset.
+        That is r_ref * scale / adc - offset, of a scale that can be broadcast, and an offset [ohm].
         """
 
     @classmethod
-    def guess(
-        cls, circuit: Circuit, adc: Floats, rho: Floats, bounds: Pair, product: float = 1.0
-    ) -> Floats:
+    def guess(cls, circuit: Circuit, adc: Floats, rho: Floats, bounds: Pair) -> Floats:
         """Return (rows, cols) cells between bounds [S] whose products with `rho` are all alike.
 
-        Equal cells send no current from one sense line to another: the product is then 1.
-
-        Args:
-            adc: (rows, cols) ADC ratio, 0 where it is not known.
-            rho: (rows, cols) of it by `apparent` [ohm].
+        The ADC ratio `adc` is 0 where it is not known; `rho` is its resistance by `apparent` [ohm].
         """
-        return circuit.populated * np.clip(product / rho, *bounds)
+        return circuit.populated * np.clip(cls.product(circuit) / rho, *bounds)
+
+    @classmethod
+    def product(cls, circuit: Circuit) -> float:
+        """Return what the products are that `guess` takes for alike.
+
+        Equal cells send no current from one sense line to another: it is then 1.
+        """
+        return 1.0
 
     @classmethod
     def closed_form(
@@ -176,13 +169,6 @@ class Readout(ABC):
         return np.minimum(adc, 1.0)  # an amplifier ends there, and rounding
 
     @classmethod
-    def by_conductance(cls, circuit: Circuit, g: Floats) -> Floats:
-        """Return (rows, cols, rows, cols) d adc_a / d g_b [ohm]."""
-        network = cls(circuit, g)
-        cells = np.array([network.change(cell) for cell in np.eye(g.size).reshape(-1, *g.shape)])
-        return np.moveaxis(cells, 0, -1).reshape(*g.shape, *g.shape)
-
-    @classmethod
     def ratio(cls, circuit: Circuit, rho: Value) -> Value:
         """Return the ADC ratio where the two lines are so far from one another [ohm]."""
         return circuit.r_ref / (circuit.r_ref + circuit.r_par + rho)
@@ -194,11 +180,7 @@ class Readout(ABC):
 
     @classmethod
     def through_driver(cls, circuit: Circuit, currents: Floats) -> Floats:
-        """Return the current of the line that is driven while each crossing is read.
-
-        Args:
-            currents: (..., rows, cols) of each crossing's reference resistor, NaN: not read.
-        """
+        """Return (..., rows, cols) the driven line's current, by those of r_ref; NaN: not read."""
         return currents
 
 
