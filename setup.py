@@ -103,6 +103,7 @@ setup(
         "pyserial>=3.5",
         "pyyaml>=6.0",
         "ruamel.yaml>=0.18",
+        "threadpoolctl>=3.0",
     ],
     extras_require={
         "train": ["torch>=2.1", "tqdm>=4.66"],
@@ -129,7 +130,6 @@ setup(
             "ruff>=0.15",
             "scikit-learn>=1.3",
             "setuptools>=70.1",  # builds the wheel
-            "threadpoolctl>=3.0",
             "tqdm>=4.66",
             "websockets>=14.0",
         ],
