@@ -2,8 +2,8 @@
 """What the skin logs, written by a thread of its own: a terminal that takes nothing stops nobody.
 
 A full pipe and a terminal after Ctrl-S keep whoever writes to them waiting: a stop hook's thread,
-for one, before its next try. While a skin runs, its logger only queues; what does not fit is dropped
-and counted.
+for one, before its next try. While a skin runs, its logger only queues; what does not fit is
+dropped and counted.
 """
 
 from __future__ import annotations
