@@ -76,12 +76,9 @@ def run(args) -> int:
     torch.set_num_threads(args.threads)
     from ..learning import training
 
-    def track(items, desc):
-        return tqdm(items, desc=desc, leave=False, disable=None)
-
     circuit, curve, go_on = skin.circuit, skin.curve.usual, not args.restart
     try:
-        path = training.train(circuit, curve, config, args.out, go_on, track, tqdm.write)
+        path = training.train(circuit, curve, config, args.out, go_on, extras.track, tqdm.write)
     except TrainingDied as error:
         print(f"tactile-skin train: {error}", file=sys.stderr)
         return 1
