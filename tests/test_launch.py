@@ -619,7 +619,7 @@ def test_a_blocked_standard_error_keeps_no_hook_from_its_next_try(write, monkeyp
         assert time.monotonic() - ended < 1.0
         assert not handler.lock._is_owned()
         assert start < ended
-        left = [t for t in threading.enumerate() if t.name == "log"]
+        left = [t for t in threading.enumerate() if "_monitor" in t.name]
         assert not left
     finally:
         logging.getLogger().removeHandler(handler)
