@@ -37,7 +37,8 @@ class QueuedLog(QueueHandler):
     """Stands before the handlers of a logger, its parents' included, until it is closed."""
 
     def __init__(self, logger: logging.Logger):
-        super().__init__(queue.Queue(_KEPT))
+        room: queue.Queue = queue.Queue(_KEPT)
+        super().__init__(room)
         self._logger, self._own, self._propagate = logger, logger.handlers, logger.propagate
         found = [*logger.handlers]
         above = logger
@@ -45,7 +46,7 @@ class QueuedLog(QueueHandler):
             above = above.parent
             found += above.handlers
         last = [logging.lastResort] if logging.lastResort else []
-        self._writer = _Writer(self.queue, *(found or last))
+        self._writer = _Writer(room, *(found or last))
         self._writer.start()
         logger.handlers, logger.propagate = [self], False
 
@@ -71,6 +72,10 @@ class _Writer(QueueListener):
 
     _until = math.inf  # monotonic time after which nothing is waited for [s]
 
+    def __init__(self, room: queue.Queue, *handlers: logging.Handler):
+        super().__init__(room, *handlers)
+        self._room = room
+
     def handle(self, record: logging.LogRecord) -> None:
         for handler in self.handlers:
             while not takes(getattr(handler, "stream", None), min(_POLL, self._left())):
@@ -86,6 +91,6 @@ class _Writer(QueueListener):
     def stop(self) -> None:
         self._until = time.monotonic() + _REST_WITHIN
         with contextlib.suppress(queue.Full):
-            self.queue.put(None, timeout=2 * _REST_WITHIN)
-        if self._thread:
-            self._thread.join(2 * _POLL)  # a stream may take less than a line, and hold it
+            self._room.put(None, timeout=_REST_WITHIN + _POLL)
+        if self._thread:  # a stream may take less than a line, and hold it
+            self._thread.join(_REST_WITHIN + _POLL)
