@@ -27,7 +27,7 @@ _KEYS = {  # entity -> keys that it must have, others that it may have
     "arg": ({"name"}, {"default", "description"}),
     "let": ({"name", "value"}, set[str]()),
     "node": ({"pkg", "exec"}, {"name", "namespace", "param", "remap"} | _CONDITIONS | _PROCESS),
-    "executable": ({"cmd"}, {"name"} | _CONDITIONS | _PROCESS),
+    "executable": ({"cmd"}, _PROCESS),
     "include": ({"file"}, {"arg"} | _CONDITIONS),
 }
 _NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
