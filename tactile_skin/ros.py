@@ -85,11 +85,7 @@ def compose(*words: str) -> RosSkin:
 
 
 def run(executable: str, words: list[str] | None = None) -> int:
-    """Run a program of `ros2 run tactile_skin` until SIGTERM or SIGINT: a node, or `skin`.
-
-    Returns:
-        the exit status: 0, 1 for a run that failed or a ROS that did, 2 for a mistake.
-    """
+    """Run a program of `ros2 run tactile_skin`, a node or `skin`; the exit status, as of `cli`."""
     try:
         own, args = split_arguments(sys.argv[1:] if words is None else words)
         parser = argparse.ArgumentParser(prog=executable, description=_about(executable))
@@ -118,10 +114,6 @@ def plan_of(executable: str, args: RosArguments) -> Plan:
     """Return the nodes of a program, with what its command line gives them.
 
     What is for `skin` is for each of its nodes; what is for one of these comes after it.
-
-    Raises:
-        ParameterError: a part of `skin` that is neither true nor false.
-        LaunchError: an argument for a node that the program does not have.
     """
     alone = executable != COMPOSED
     names = {executable} if alone else {*PARTS, COMPOSED}

@@ -113,7 +113,9 @@ class ParameterFile:
                 shared |= _flat({key: value}, where)
             else:
                 known = ", ".join((*_OF_SKIN, CONFIG, ELSEWHERE, *SKIN_NODES))
-                raise FileError(f"{where}: {key}: must be one of {known}{_where_it_stands(key)}")
+                raise FileError(
+                    f"{where}: {key}: must be one of {known}{did_you_mean(key, _OF_SKIN)}"
+                )
         if file := given.get(CONFIG):
             own = ParameterFile(self.path.parent / str(file), own=True)
             if own.skins:
@@ -151,9 +153,6 @@ class ParameterFile:
         Args:
             nodes: name of each node that runs -> names of its parameters; None: not known yet.
             programs: names of those that run them.
-
-        Raises:
-            ParameterError: naming the section and the parameter.
         """
         from ..parameters.nodes import own_names, shared_names  # here: reading a file needs none
 
@@ -191,12 +190,9 @@ class ParameterFile:
             )
 
     def check_meant(self, node: str, *programs: str) -> None:
-        """Refuse a file with sections for this name, none of them in the namespace of the node.
+        """Refuse a file whose sections for this name are all of other namespaces.
 
         ROS would run the node on its defaults, and not say so.
-
-        Raises:
-            ParameterError: naming the sections and the node.
         """
         self.check_skin(node)
         for full in (node, *programs):
@@ -223,14 +219,6 @@ def unknown_of(names: Iterable[str], known: Collection[str]) -> list[str]:
 def unknown_parameter(where: str, name: str, known: Collection[str]) -> str:
     """Return the message that refuses a parameter which nothing has."""
     return f"{where}: parameter {name!r} is unknown{did_you_mean(name, known)}"
-
-
-def _where_it_stands(key: str) -> str:
-    """Return the end of a message that refuses a parameter of a skin's node among the skin's."""
-    from ..parameters.nodes import own_names  # here: reading a file needs none
-
-    node = next((node for node in SKIN_NODES if key in own_names(node)), "")
-    return f"; did you mean {node}: {{{key}: ...}}?" if node else did_you_mean(key, _OF_SKIN)
 
 
 def _misspelt(name: str, known: Collection[str]) -> bool:

@@ -118,12 +118,7 @@ def nodes_of(action: NodeAction) -> list[NodeAction]:
 
 
 def parts_of(program: NodeAction) -> list[NodeAction]:
-    """Return the nodes that the program `skin` is to run, each with the parameters that it has.
-
-    Raises:
-        LaunchError: a parameter that no part has.
-        ParameterError: a part that is neither true nor false.
-    """
+    """Return the nodes that the program `skin` is to run, each with the parameters that it has."""
     given = _shared_out(program, PARTS, PARTS.keys())
     wanted = PARTS | {k: v for k, v in program.values().items() if k in PARTS}
     for name, runs in wanted.items():
@@ -140,11 +135,7 @@ def parts_of(program: NodeAction) -> list[NodeAction]:
 
 
 def _shared_out(program: NodeAction, kinds, others=()) -> dict[str, list]:
-    """Return what each of a program's nodes is given of its parameters: the files, and what it has.
-
-    Raises:
-        LaunchError: a parameter that none of them has, and that is not among the others.
-    """
+    """Return what each of a program's nodes is given of its parameters; none must be left."""
     from ..parameters.nodes import all_names  # here: reading a launch file needs none
 
     has = {kind: all_names(kind) for kind in kinds}
@@ -164,10 +155,6 @@ def with_skins(action: NodeAction) -> list[NodeAction]:
     """Return a node, which learns what each skin of its parameter file is; with a body, theirs too.
 
     A node in the namespace of a skin is of that one alone.
-
-    Raises:
-        LaunchError: a body without skins, boards that cannot be distinguished, or a parameter that
-            none of the nodes has.
     """
     if action.kind not in _OF_SKINS:
         return [action]
@@ -268,10 +255,6 @@ def check_parameters(plan: Plan, names: Mapping[str, frozenset[str] | None]) -> 
     Args:
         names: full name of each node of the plan -> names of its parameters; None: it says which
             once it is made.
-
-    Raises:
-        LaunchError: naming the file and the parameter.
-        ParameterError: as `ParameterFile.check` and `check_meant`.
     """
     for action in plan.nodes:
         if (known := names[action.full_name]) is None:

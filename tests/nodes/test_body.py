@@ -314,10 +314,7 @@ def test_what_ros2_launch_gives_the_program_body_is_taken(tmp_path, write, separ
         ([1], "must map names to skins"),
         ({"a b": {}}, "must be a name of letters"),
         ({"chest": {"prt": "a"}}, "skins: chest: prt: must be one of .*; did you mean 'port'"),
-        (
-            {"chest": {"threshold": 3.0}},
-            r"skins: chest: threshold: .*; did you mean stop_on_push: {threshold: \.\.\.}",
-        ),
+        ({"chest": {"threshold": 3.0}}, "skins: chest: threshold: must be one of .*stop_on_push"),
     ],
 )
 def test_what_is_no_skin_is_refused(write, skins, words):

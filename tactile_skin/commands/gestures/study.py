@@ -7,14 +7,13 @@ import datetime
 import functools
 from collections import Counter
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from ... import extras
 from ...bench.chart import prepare
 from ...learning import gestures as learning
-from ...learning.gestures import GLANCES, left_out, sharpness_of, table_of
+from ...learning.gestures import left_out, sharpness_of, table_of
 from ...learning.hands import PEOPLE, simulated
 from ...parameters.nodes import Gestures
 from ...touch.episode import FEATURES
@@ -84,7 +83,6 @@ def evaluate(args) -> int:
         his = table.person[table.end] == person
         print(f"{person}: {_share(label[his] == ends[his])}")
     print(f"right: {_share(label == ends)}")
-    print(_as_text(_soon(table, named == table.label, shares.max(1))))
     false = _false(table, named, shares.max(1))
     print(false)
     if args.picture:
@@ -99,25 +97,6 @@ def _share(right) -> str:
     return f"{mean:.3f} +- {error:.3f} of {len(right)} takes"
 
 
-class Soon(NamedTuple):
-    """How soon gestures are named."""
-
-    after: float  # [s]
-    of_all: float  # share of the gestures that go on which are named
-    right: float  # share of these that are named rightly
-
-
-def _soon(table, right, sure) -> list[Soon]:
-    after = np.exp(table.features[:, FEATURES.index("duration")])
-    rows = []
-    for k, seconds in enumerate(GLANCES[:-1]):
-        now = ~table.end & (after >= seconds - 0.02) & (after < GLANCES[k + 1] - 0.02)
-        named = now & (sure >= Gestures.min_probability)
-        if named.any():
-            rows.append(Soon(seconds, named.sum() / now.sum(), float(right[named].mean())))
-    return rows
-
-
 def _false(table, named, sure) -> str:
     """Return how many gestures are named, at their end, in an hour of contacts that are none."""
     none = table.end & (table.label == OTHER)
@@ -126,12 +105,6 @@ def _false(table, named, sure) -> str:
     hours = np.exp(table.features[none, FEATURES.index("duration")]).sum() / 3600.0
     false = int((none & (named != OTHER) & (sure >= Gestures.min_probability)).sum())
     return f"false gestures: {false} of {none.sum()}, {false / hours:.0f} an hour of {OTHER!r}"
-
-
-def _as_text(rows: list[Soon]) -> str:
-    lines = [f"sure to {Gestures.min_probability:g} after   of all   of these right"]
-    lines += [f"{row.after:17.2f} s   {row.of_all:6.3f}   {row.right:8.3f}" for row in rows]
-    return "\n".join(lines)
 
 
 def _confusion(label, named) -> str:

@@ -53,11 +53,7 @@ class RosArguments:
 
 
 def split_arguments(words: list[str]) -> tuple[list[str], RosArguments]:
-    """Split a command line into the program's own words and ROS's.
-
-    Raises:
-        ValueError: a parameter or a remapping that is none, by name.
-    """
+    """Split a command line into the program's own words and ROS's; ValueError names a wrong one."""
     own, args, rest = [], RosArguments(), list(words)
     while rest:
         word = rest.pop(0)
