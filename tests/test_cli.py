@@ -292,6 +292,14 @@ def test_a_simulated_board_makes_no_link_among_devices(call, place):
 # --- keys on a terminal ---
 
 
+def left(keyboard) -> None:
+    """Leave the terminal by Ctrl-D, which ends who reads it and nothing else."""
+    os.write(keyboard, b"\x04")
+    for thread in [t for t in threading.enumerate() if t.name == "keys"]:
+        thread.join(20.0)
+        assert not thread.is_alive()
+
+
 @pytest.fixture
 def terminal(monkeypatch):
     """The keyboard's end of a terminal that is the standard input."""
@@ -299,11 +307,7 @@ def terminal(monkeypatch):
     with os.fdopen(slave) as stdin:
         monkeypatch.setattr(sys, "stdin", stdin)
         yield keyboard
-        os.write(keyboard, b"\x04")  # Ctrl-D: who leaves the terminal ends nothing
-        for thread in threading.enumerate():
-            if thread.name == "keys":
-                thread.join(20.0)
-                assert not thread.is_alive()
+        left(keyboard)
     os.close(keyboard)
 
 
@@ -327,9 +331,7 @@ def test_r_and_enter_reset_a_latched_stop(terminal, capsys, answer, said):
             os.write(terminal, line)
         assert asked.acquire(timeout=20.0)
     assert not asked.acquire(blocking=False)
-    os.write(terminal, b"\x04")
-    (thread,) = [t for t in threading.enumerate() if t.name == "keys"]
-    thread.join(20.0)
+    left(terminal)
     assert capsys.readouterr().err == f"reset: {said}\n" * 2
 
 
