@@ -103,13 +103,14 @@ setup(
         "pyserial>=3.5",
         "pyyaml>=6.0",
         "ruamel.yaml>=0.18",
+        "threadpoolctl>=3.0",
     ],
     extras_require={
         "train": ["torch>=2.1", "tqdm>=4.66"],
         "progress": ["tqdm>=4.66"],  # of benchmarks
         "record": ["mcap>=1.6", "rosbags>=0.10", "joblib>=1.3"],
-        "gestures": ["scikit-learn>=1.3", "tqdm>=4.66"],  # to train, not to name
-        "view": ["websockets>=14.0", "tqdm>=4.66"],
+        "gestures": ["scikit-learn>=1.3"],  # to train, not to name
+        "view": ["websockets>=14.0"],
         "foxglove": ["foxglove-sdk>=0.14", "rosbags>=0.10", "mcap>=1.6"],
         "charts": ["matplotlib>=3.8"],
         "docs": ["mkdocs>=1.6,<2", "mkdocs-material>=9.5"],
@@ -129,7 +130,6 @@ setup(
             "ruff>=0.15",
             "scikit-learn>=1.3",
             "setuptools>=70.1",  # builds the wheel
-            "threadpoolctl>=3.0",
             "tqdm>=4.66",
             "websockets>=14.0",
         ],

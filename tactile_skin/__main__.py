@@ -7,6 +7,7 @@ as an exception it would come out of whatever import it interrupts, as a traceba
 
 import functools
 import importlib
+import os
 import signal
 import sys
 
@@ -21,6 +22,8 @@ def _program(name: str, words: list[str] | None = None) -> int:
 
 
 def _loaded(name: str):
+    for library in ("OPENBLAS", "OMP"):  # reads it once, when NumPy is imported: threads.py
+        os.environ.setdefault(f"{library}_NUM_THREADS", "1")
     before = signal.getsignal(signal.SIGINT)
     if before is signal.default_int_handler:  # else it is ignored: a shell's background job
         signal.signal(signal.SIGINT, signal.SIG_DFL)

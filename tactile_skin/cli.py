@@ -38,7 +38,6 @@ COMMANDS = {  # name: what it does
     "bench": "measure every method and draw it: speed against accuracy, and where each method "
     "fails",
 }
-_SKINS = "launch", "view", "record"  # commands whose skin handles signals and threads by itself
 
 
 def make_parser(*loaded: str) -> argparse.ArgumentParser:
@@ -86,12 +85,7 @@ def main(argv: list[str] | None = None) -> int:
             format=f"{above}%(levelname)s %(name)s: %(message)s",
             stream=sys.stderr,
         )
-        if args.command in _SKINS:
-            return args.run(args)
-        from .middleware.threads import one_thread
-
-        with one_thread():  # the matrices are small: more threads wait for one another
-            return args.run(args)
+        return args.run(args)
     except KeyboardInterrupt:
         return 130
     except BrokenPipeError:  # "| head" has seen enough

@@ -30,6 +30,16 @@ def tqdm():
     return load("tqdm", "long work shows its progress by tqdm", "progress").tqdm
 
 
+def track(items: Iterable[_Item], total: int | None = None, desc: str = "") -> Iterable[_Item]:
+    """Return the items, with a progress bar where tqdm is installed."""
+    try:
+        bar = tqdm()
+    except ModuleNotFoundError:
+        return items
+    followed: Iterable[_Item] = bar(items, desc=desc, total=total, disable=None, leave=False)
+    return followed
+
+
 def each(
     function: Callable[[_Item], _Found], items: Iterable[_Item], jobs: int = 1
 ) -> Iterable[_Found]:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import functools
 import gc
 import importlib
 import logging
@@ -272,14 +273,12 @@ class Skin:
         self._hooks.append(stop_hook)
         node = Node(f"stop_hook_{len(self._hooks)}", context=self._context)
 
-        def listener(topic: str):
-            def on_status(message: DiagnosticArray) -> None:
-                stop_hook.hear(topic, stop_message_of(message, now()))
-
-            return on_status
+        def on_status(topic: str, message: DiagnosticArray) -> None:
+            stop_hook.hear(topic, stop_message_of(message, now()))
 
         for topic in topics:
-            node.create_subscription(DiagnosticArray, topic, listener(topic), STATUS)
+            take = functools.partial(on_status, topic)
+            node.create_subscription(DiagnosticArray, topic, take, STATUS)
         self._executor.add_node(node)
 
     def on_push(self, hook: Callable) -> None:

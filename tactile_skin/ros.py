@@ -18,31 +18,19 @@ import sys
 from pathlib import Path
 
 from . import launch
-from .errors import LaunchError, ParameterError, did_you_mean
+from .errors import LaunchError, did_you_mean
 from .files import one_line
 from .middleware.bus import Node
-from .middleware.package import BODY, COMPOSED, PACKAGE, SKIN_NODES, node_class
-from .middleware.parameter_file import CONFIG, ParameterFile, unknown_of, values_for
-from .middleware.plan import NodeAction, Plan, given, with_skins
+from .middleware.package import BODY, COMPOSED, PACKAGE, PARTS, node_class
+from .middleware.parameter_file import CONFIG
+from .middleware.plan import NodeAction, Plan, parts_of, with_skins
 from .middleware.processes import end_with_launcher
 from .middleware.ros.arguments import PARAMS_FILE, RosArguments, split_arguments
 from .middleware.ros.node import RosNode, ToRos
 from .middleware.ros.process import Process
 from .nodes import diagnostics, frames
-from .parameters.nodes import all_names
 
 _logger = logging.getLogger("tactile_skin")
-# The nodes of `skin`, in the way of the data, and whether they run unless a parameter says so.
-PARTS = {
-    "serial_driver": True,
-    "compensation": True,
-    "gesture_feature": True,
-    "stop_on_push": True,
-    "gestures": False,
-    "cmd_vel_gate": False,
-    "push_to_move": False,
-    "monitor": False,
-}
 
 
 class RosSkin(launch.Skin):
@@ -67,7 +55,7 @@ class RosSkin(launch.Skin):
         return self._handles
 
     def _make_node(self, action: NodeAction) -> RosNode:
-        node = RosNode(self._process, action.name, context=self._context, **given(action))
+        node = RosNode(self._process, action.name, context=self._context, **action.arguments())
         self._to_ros.nodes[node.get_logger().name] = node.ros
         return node
 
@@ -97,11 +85,7 @@ def compose(*words: str) -> RosSkin:
 
 
 def run(executable: str, words: list[str] | None = None) -> int:
-    """Run a program of `ros2 run tactile_skin` until SIGTERM or SIGINT: a node, or `skin`.
-
-    Returns:
-        the exit status: 0, 1 for a run that failed or a ROS that did, 2 for a mistake.
-    """
+    """Run a program of `ros2 run tactile_skin`, a node or `skin`; the exit status, as of `cli`."""
     try:
         own, args = split_arguments(sys.argv[1:] if words is None else words)
         parser = argparse.ArgumentParser(prog=executable, description=_about(executable))
@@ -129,39 +113,33 @@ def _about(executable: str) -> str:
 def plan_of(executable: str, args: RosArguments) -> Plan:
     """Return the nodes of a program, with what its command line gives them.
 
-    `skin` also takes what is for any of its parts, whether or not they run; what is for `skin` is
-    for each of them.
-
-    Raises:
-        ParameterError: a part of `skin` that is neither true nor false.
-        LaunchError: an argument for a node that the program does not have.
+    What is for `skin` is for each of its nodes; what is for one of these comes after it.
     """
     alone = executable != COMPOSED
-    plan = Plan()
-    together: tuple[str, ...] = ()  # names of all of them
-    if not alone:
-        plan.for_all = frozenset(PARTS).union(*map(all_names, PARTS))
-        together = (COMPOSED, args.name_of(COMPOSED))
-        space = args.namespace_of(*together).strip("/")
-        for file in args.files():
-            file.programs = tuple("/" + f"{space}/{name}".strip("/") for name in set(together))
-    names = {executable} if alone else {*PARTS, *together}
-    names |= {args.name_of(kind, alone) for kind in names}
+    names = {executable} if alone else {*PARTS, COMPOSED}
+    names |= {args.name_of(kind, alone or kind == COMPOSED) for kind in names}
     if strangers := args.addressed() - names:
         name = min(strangers)
         raise LaunchError(f"--ros-args: {name}: no such node{did_you_mean(name, names)}")
-    for kind in (executable,) if alone else _parts(args, together):
-        name = args.name_of(kind, alone)
-        namespace = args.namespace_of(kind, *together).strip("/")
-        given = args.parameters_of(kind, name, *together)
-        rules = args.remappings_of(kind, name, *together)
-        action = NodeAction(kind, name, namespace, given, rules, Path(executable))
-        nodes = with_skins(action)
-        if kind == BODY:
-            plan.for_all = frozenset().union(*map(all_names, (*SKIN_NODES, BODY)))
-            if action.values().get("separate") is True:
-                plan.skins, nodes = _programs(nodes[:-1]), [action]
-        plan.nodes += nodes
+    name = args.name_of(executable)
+    of_all = None, executable, name
+    program = NodeAction(
+        executable,
+        name,
+        args.namespace_of(executable, name).strip("/"),
+        args.parameters_of(*of_all),
+        args.remappings_of(*of_all),
+        Path(executable),
+    )
+    parts = [program] if alone else parts_of(program)
+    for part in parts if not alone else ():
+        part.name = name = args.name_of(part.kind, alone=False)
+        part.namespace = args.namespace_of(part.kind, name, *of_all[1:]).strip("/")
+        part.parameters += args.parameters_of(part.kind, name)
+        part.remappings = args.remappings_of(part.kind, name) + program.remappings
+    plan = Plan([node for part in parts for node in with_skins(part)])
+    if executable == BODY and program.values().get("separate") is True:
+        plan.skins, plan.nodes = _programs(plan.nodes[:-1]), plan.nodes[-1:]
     return plan
 
 
@@ -169,34 +147,16 @@ def _programs(nodes: list[NodeAction]) -> list[list[str]]:
     """Return the command of the program `skin` for each namespace of a body's nodes."""
     programs: dict[str, list[str]] = {}
     for node in nodes:
-        files = [p for p in node.parameters if isinstance(p, ParameterFile) and not p.by_launch]
-        if node.namespace not in programs:
-            words = [sys.executable, "-m", f"{PACKAGE}.ros", COMPOSED, "--ros-args"]
+        words = programs.setdefault(node.namespace, [])
+        if not words:
+            words += [sys.executable, "-m", f"{PACKAGE}.ros", COMPOSED, "--ros-args"]
             words += ["-r", f"__ns:=/{node.namespace}"]
-            for file in files:
+            for file in node.files():
                 path = str(file.path)
                 words += ["-p", f"{CONFIG}:={path}"] if file.own else [PARAMS_FILE, path]
-            programs[node.namespace] = words
-        others = [p for p in node.parameters if p not in files]
-        for p in values_for(node.full_name, others):
-            if not unknown_of([p.name], all_names(node.kind)):
-                value = json.dumps(p.value)
-                programs[node.namespace] += ["-p", f"{node.name}:{p.name}:={value}"]
+        for p in node.singles():
+            words += ["-p", f"{node.name}:{p.name}:={json.dumps(p.value)}"]
     return list(programs.values())
-
-
-def _parts(args: RosArguments, names: tuple[str, ...]) -> list[str]:
-    """Return the nodes that `skin`, by one of these names, runs."""
-    wanted = dict(PARTS)
-    full = f"{args.namespace_of(*names)}/{names[-1]}"
-    for p in values_for(full, args.parameters_of(*names)):
-        if p.name in PARTS:
-            if not isinstance(p.value, bool):
-                raise ParameterError(
-                    f"parameter {p.name} of {COMPOSED} = {p.value!r}: must be true or false"
-                )
-            wanted[p.name] = p.value
-    return [name for name, runs in wanted.items() if runs]
 
 
 if __name__ == "__main__":

@@ -64,6 +64,7 @@ def test_the_wheel_says_what_it_is_and_what_it_needs(wheel):
         "pyserial",
         "pyyaml",
         "ruamel",
+        "threadpoolctl",
     }
     assert {"train", "charts", "test"} <= set(data.get_all("Provides-Extra"))
 

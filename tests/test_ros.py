@@ -137,7 +137,7 @@ def test_ros_arguments_are_split_from_the_programs_own():
     assert (args.name_of("monitor"), args.namespace_of("monitor")) == ("left", "/arm")
     own, args = ros.split_arguments(["--ros-args", "-p", "a:=1", "--ros-args", "-p", "b:=2"])
     assert own == []
-    assert args.parameters_of("x") == [Parameter("a", 1), Parameter("b", 2)]
+    assert args.parameters_of(None, "x") == [Parameter("a", 1), Parameter("b", 2)]
 
 
 @pytest.mark.parametrize(

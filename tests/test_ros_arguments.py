@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What ROS 2's users write on a command line, in a parameter file and in package.xml."""
 
+import contextlib
 import importlib.util
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import yaml
 from tactile_skin import launch, ros
 from tactile_skin.errors import ParameterError
 from tactile_skin.launch import LaunchError, Skin
+from tactile_skin.middleware.package import PARTS, SKIN_NODES
 from tactile_skin.middleware.parameter_file import ParameterFile
 
 # As far as this package needs them: rosdep/base.yaml, rosdep/python.yaml and the packages of the
@@ -189,8 +191,9 @@ def test_what_the_shipped_launch_file_gives_the_program_is_taken():
     """Also for parts that do not run: `stamped`, and the duration of a monitor."""
     shipped = yaml.safe_load(launch.find("skin.launch.yaml").read_text())["launch"]
     (skin,) = [e["node"] for e in shipped if e.get("node", {}).get("exec") == "skin"]
-    plan = ros.plan_of("skin", arguments())
-    assert {p["name"] for p in skin["param"]} <= plan.for_all | {"config", "use_sim_time"}
+    names = [p["name"] for p in skin["param"] if p["name"] not in ("config", *PARTS)]
+    plan = ros.plan_of("skin", arguments(*(w for name in names for w in ("-p", f"{name}:=1"))))
+    assert {node.kind for node in plan.nodes} == {*SKIN_NODES}
 
 
 BY_HAND = "skin: {ros__parameters: {threshold: 25.0, circuit: {rows: 8}}}"
@@ -215,8 +218,8 @@ def test_what_is_for_the_program_is_for_each_of_its_nodes(tmp_path, words, text,
     path.write_text(text)
     plan = ros.plan_of("skin", arguments(*(w.replace("FILE", str(path)) for w in words)))
     values = {node.kind: node.values() for node in plan.nodes}
-    for kind in ("stop_on_push", "compensation"):
-        assert values[kind] == {"threshold": 25.0, "circuit.rows": 8}
+    assert values["stop_on_push"] == {"threshold": 25.0, "circuit.rows": 8}
+    assert values["compensation"]["circuit.rows"] == 8
 
 
 def test_what_a_launch_file_gives_a_program_of_another_name(tmp_path):
@@ -272,15 +275,14 @@ def test_a_misspelt_name_in_a_launch_file_is_refused(tmp_path, name):
     """launch_ros writes what a launch file says into a file with one section, /**; in a user's own
     file that section may be meant for others."""
     path = tmp_path / name
-    path.write_text("/**: {ros__parameters: {tresh_hold: 20.0, port: /dev/null}}\n")
-    plan = ros.plan_of("skin", arguments("--params-file", str(path)))
-    plan.nodes = [node for node in plan.nodes if node.kind in ("stop_on_push", "serial_driver")]
-    program = Skin(plan)
-    if name == "robot.yaml":
-        program.build()
-    else:
-        with pytest.raises(LaunchError, match="parameter 'tresh_hold' is unknown"):
-            program.build()
+    path.write_text("/**: {ros__parameters: {tresh_hold: 20.0}}\n")
+    ours = name != "robot.yaml"
+    refused = pytest.raises(LaunchError, match="parameter 'tresh_hold' is unknown")
+    for program in ("skin", "stop_on_push"):
+        with refused if ours else contextlib.nullcontext():
+            plan = ros.plan_of(program, arguments("--params-file", str(path)))
+            plan.nodes = [node for node in plan.nodes if node.kind == "stop_on_push"]
+            Skin(plan).build()
 
 
 @pytest.mark.parametrize("whole", [False, True])

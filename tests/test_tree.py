@@ -41,7 +41,7 @@ MAY = {
     "arguments": "",
     "extras": "",
     "commands": None,  # so do these
-    "cli": "arguments files middleware commands",
+    "cli": "arguments files commands",
     "__init__": "physics solvers calibration findings health",
     "__main__": "cli",
 }

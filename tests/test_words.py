@@ -20,7 +20,7 @@ def parsed(*words):
 GIVEN = {  # command -> its files, and arguments
     "launch": (["skin.launch.yaml"], {"port": "/dev/x", "config": "a.yaml", "ros": "2"}),
     "view": (["a.mcap"], {"view_port": "0", "config": "a.yaml"}),
-    "sim": ([], {"link": "/tmp/x", "config": "a.yaml", "rate": "50", "noise": "-1.5"}),
+    "sim": ([], {"link": "/tmp/x", "config": "a.yaml", "scene": "idle"}),
     "flash": ([], {"port": "/dev/x", "config": "a.yaml", "adc_mhz": "1"}),
     "calibrate": ([], {"config": "a.yaml", "out": "b.yaml", "rest": "r.csv", "1.2kg": "x.csv"}),
     "doctor": (["a.csv"], {"config": "a.yaml", "rows": "8", "adc_offset": "-12.5"}),
@@ -67,8 +67,8 @@ def test_switches_and_lists_have_both_styles():
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["sim", "--link", "x", "--ratte", "5"], "'ratte' is unknown; did you mean 'rate'?"),
-        (["sim", "link:=x", "ratte:=5"], "'ratte' is unknown; did you mean 'rate'?"),
+        (["sim", "--link", "x", "--sene", "5"], "'sene' is unknown; did you mean 'scene'?"),
+        (["sim", "link:=x", "sene:=5"], "'sene' is unknown; did you mean 'scene'?"),
         (["calibrate", "--config", "a", "config:=b"], "argument 'config' is given twice"),
         (["bench", "quick:=5"], "quick:=5: must be true or false"),
         (["train", "--config"], "expected one argument"),

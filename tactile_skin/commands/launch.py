@@ -12,7 +12,6 @@ import threading
 from .. import launch
 from ..arguments import split
 
-_KEYS_WITHIN = 0.1  # s that a reset under way may keep the end of the skin waiting
 EXAMPLES = (
     "examples:\n"
     "  tactile-skin launch duration:=20\n"
@@ -61,37 +60,25 @@ def _file_of(words: list[str], default: str = ""):
 
 def spin(skin) -> int:
     """Run a skin until it ends, and return the exit status."""
-    with skin, contextlib.suppress(KeyboardInterrupt), keys(skin.reset_stop):
+    with skin, contextlib.suppress(KeyboardInterrupt):
+        read_keys(skin.reset_stop)
         skin.spin()
     return 1 if skin.failed else 0
 
 
-@contextlib.contextmanager
-def keys(reset):
-    """On a terminal, r and Enter ask for the reset of a latched stop."""
+def read_keys(reset) -> None:
+    """On a terminal, let r and Enter ask for the reset of a latched stop, to the process's end."""
     if os.name != "posix" or not sys.stdin.isatty():
-        yield
         return
-    ended, end = os.pipe()
+    terminal = sys.stdin.fileno()
 
-    def read():
-        while ended not in select.select([sys.stdin, ended], [], [])[0]:
-            line = os.read(sys.stdin.fileno(), 1024)
-            if not line:
-                return  # its end
+    def read() -> None:
+        # select: to read at once would stop what a shell runs in the background
+        while select.select([terminal], [], [])[0] and (line := os.read(terminal, 1024)):
             try:
                 if line.strip() == b"r":
                     print(f"reset: {reset()[1]}", file=sys.stderr)
             except (ValueError, RuntimeError) as error:
                 print(f"reset: {error}", file=sys.stderr)
 
-    reader = threading.Thread(target=read, name="keys", daemon=True)
-    reader.start()
-    try:
-        yield
-    finally:
-        os.write(end, b"\n")
-        reader.join(_KEYS_WITHIN)
-        if not reader.is_alive():  # else it still waits for an answer
-            os.close(ended)
-        os.close(end)
+    threading.Thread(target=read, name="keys", daemon=True).start()

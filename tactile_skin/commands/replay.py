@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from ..arguments import split
-from ..extras import each
+from ..extras import each, track
 from ..middleware.config import SkinConfig
 from ..recording import Recording
 from ..recording.convert import export, to_recording
@@ -43,6 +43,7 @@ name:=value:
 _KINDS = {"method": str, "config": str, "namespace": str, "rate": float, "full_scale": float}
 _RATE = 100.0  # frames a second
 _SHOWN = 20  # stops that the summary lists
+_track = functools.partial(track, desc="replay")
 
 
 def register(parser) -> None:
@@ -150,15 +151,6 @@ def _export(path: str, out: Path, skin: SkinConfig, given: dict) -> int:
 def _say_notes(path: str, notes: list[str]) -> None:
     for note in notes:
         print(f"{path}: {note}", file=sys.stderr)
-
-
-def _track(items, total: int):
-    """With a progress bar, where tqdm is installed."""
-    try:
-        from tqdm import tqdm
-    except ModuleNotFoundError:
-        return items
-    return tqdm(items, desc="replay", total=total, disable=None, leave=False)
 
 
 def _compare(job: Job, methods: list[str]) -> int:

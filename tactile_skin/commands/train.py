@@ -34,9 +34,6 @@ def register(parser) -> None:
         "--out", type=Path, default=Path("weights"), help="folder (default weights)"
     )
     parser.add_argument("--restart", action="store_true", help="ignore the checkpoint in --out")
-    parser.add_argument(
-        "--threads", type=int, default=os.cpu_count(), help="of the processor (default: all)"
-    )
     about = {
         "pairs": "readings to learn from",
         "validation": "readings to pick the best epoch by",
@@ -65,23 +62,18 @@ def register(parser) -> None:
 def run(args) -> int:
     """Train, and say where the weights are; 1: the training died, and it was said why."""
     check_folder(args.out)
-    if args.threads < 1:
-        raise ValueError(f"--threads = {args.threads}: must be 1 or more")
     names = [item.name for item in dataclasses.fields(TrainingConfig)]
     config = TrainingConfig(**{name: getattr(args, name) for name in names})
     skin = read_skin(args.config)
     if config.start and config.start not in network.NETWORKS:
         network.load(config.start)
     torch, tqdm = extras.torch(), extras.tqdm()
-    torch.set_num_threads(args.threads)
+    torch.set_num_threads(os.cpu_count() or 1)
     from ..learning import training
-
-    def track(items, desc):
-        return tqdm(items, desc=desc, leave=False, disable=None)
 
     circuit, curve, go_on = skin.circuit, skin.curve.usual, not args.restart
     try:
-        path = training.train(circuit, curve, config, args.out, go_on, track, tqdm.write)
+        path = training.train(circuit, curve, config, args.out, go_on, extras.track, tqdm.write)
     except TrainingDied as error:
         print(f"tactile-skin train: {error}", file=sys.stderr)
         return 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import functools
 
 from ..arguments import split
 
@@ -65,16 +66,12 @@ def show(words: list[str]) -> int:
     recording = Recording(path, given.get("namespace", ""))
     skin = read_skin(given["config"]) if "config" in given else recording.skin
 
-    def track(messages, total: int):
-        return extras.tqdm()(
-            messages, desc=f"reading {path}", total=total, leave=False, disable=None
-        )
-
     port = given.get("view_port", 8321)
     if port not in _PORTS:
         raise ValueError(f"view_port:={port}: must be a whole number from 0 to {_PORTS[-1]}")
     with listen(given.get("view_host", "127.0.0.1"), port) as listening:
         pictures = Pictures(skin)
+        track = functools.partial(extras.track, desc=f"reading {path}")
         shown = Recorded(recording, pictures.push_of, track)
         shape = shown.shape
         if shape != skin.circuit.shape:

@@ -57,7 +57,7 @@ def write(path: Path, source: Path | None, guide: Guide, skin: SkinConfig) -> No
         notes.append(
             f"a standing load gains {share:.1%} +- {guide.creep.std:.1%} in a decade of time"
         )
-    replace_file(path, entered(source, "/**", changes, notes))
+    replace_file(path, entered(source, changes, notes))
 
 
 def _given(source: Path | None) -> set[str]:

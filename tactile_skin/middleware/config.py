@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from dataclasses import asdict, fields
+from typing import Any
 
 import numpy as np
 
@@ -20,13 +21,7 @@ from .bus import Context, Node, Parameter
 from .parameter_file import SHARED, ParameterFile, unknown_parameter
 
 
-class _Skin(NamedTuple):
-    circuit: Circuit
-    curve: PressureCurve
-    geometry: Geometry
-
-
-class SkinConfig(_Skin):
+class SkinConfig(tuple[Circuit, PressureCurve, Geometry]):
     """What a parameter file says of the skin itself: circuit, curve, geometry = read_skin(...).
 
     Attributes:
@@ -37,11 +32,14 @@ class SkinConfig(_Skin):
         board: the parameters circuit.*, as the file has them.
     """
 
-    threshold: float
-    adc: Adc
-    creep: Creep
-    r_par_std: float | None
-    board: shared.Circuit
+    def __init__(self, parts: tuple[Circuit, PressureCurve, Geometry], given: Compensation):
+        self.circuit, self.curve, self.geometry = parts
+        self.board, self.threshold = given.circuit, given.board_threshold
+        self.adc, self.creep = adc_of(given.circuit, self.circuit), creep_of(given.curve)
+        self.r_par_std = given.circuit.r_par_std or None
+
+    def __new__(cls, parts, given):
+        return super().__new__(cls, parts)
 
 
 def read_skin(path=None, node: str = "compensation") -> SkinConfig:
@@ -80,11 +78,8 @@ def skin_of(values: dict, where: str) -> SkinConfig:
     try:
         given = declared(reader, Compensation)
         circuit = circuit_of(given.circuit)
-        curve = curve_of(given.curve, circuit)
-        skin = SkinConfig(circuit, curve, geometry_of(given.geometry, circuit))
-        skin.adc, skin.creep = adc_of(given.circuit, circuit), creep_of(given.curve)
-        skin.r_par_std, skin.threshold = given.circuit.r_par_std or None, given.board_threshold
-        skin.board = given.circuit
+        parts = circuit, curve_of(given.curve, circuit), geometry_of(given.geometry, circuit)
+        skin = SkinConfig(parts, given)
     except ValueError as error:
         raise type(error)(f"{where}: {error}" if where else str(error)) from error
     if unknown := reader.undeclared():
@@ -122,18 +117,8 @@ def circuit_of(given: shared.Circuit) -> Circuit:
             "circuit.rows = 1, circuit.cols = 1: must be two cells or more: of a single one "
             "nothing tells a broken wire from a cell that nothing touches"
         )
-    return Circuit(
-        given.rows,
-        given.cols,
-        given.r_ref,
-        given.r_par,
-        given.adc_bits,
-        mask_of(given.mask),
-        given.r_line,
-        given.readout,
-        given.driven,
-        given.r_drive,
-    )
+    named = {field.name: getattr(given, field.name) for field in fields(Circuit) if field.init}
+    return Circuit(**named | {"mask": mask_of(given.mask)})
 
 
 @concerning("circuit")
@@ -196,14 +181,5 @@ def geometry_of(given: shared.Geometry, circuit: Circuit) -> Geometry:
         OSError: the table cannot be read.
     """
     return make_geometry(
-        given.shape,
-        circuit.rows,
-        circuit.cols,
-        given.pitch,
-        given.cell_area,
-        given.radius,
-        given.translation,
-        given.rpy,
-        given.table,
-        circuit.populated,
+        **asdict(given), rows=circuit.rows, cols=circuit.cols, cells=circuit.populated
     )

@@ -14,16 +14,12 @@ from ..errors import FileError, LaunchError, did_you_mean
 from ..files import shorten
 from ..yaml_files import parse_yaml, read_yaml
 from .bus import Parameter
-from .package import BODY, FOXGLOVE, NODES, PACKAGE, RECORDER, share_dir
+from .package import BODY, COMPOSED, FOXGLOVE, NODES, PACKAGE, RECORDER, share_dir
 from .parameter_file import CONFIG, ELSEWHERE, SKINS, ParameterFile
-from .plan import Argument, NodeAction, Plan, with_skins
-
-_SEPARATE = "separate"  # argument by which a launch file asks ROS for a process for each node
-
+from .plan import Argument, NodeAction, Plan, nodes_of
 
 RECORD = Argument("record", "", "MCAP file to record all topics to, or folder/ for such files")
 LIVE = Argument("foxglove", "false", "serve all topics to the Foxglove app")
-
 
 _PROCESS = {"output", "respawn", "respawn_delay", "on_exit"}  # of one that ROS starts: ignored
 _CONDITIONS = {"if", "unless"}
@@ -31,7 +27,7 @@ _KEYS = {  # entity -> keys that it must have, others that it may have
     "arg": ({"name"}, {"default", "description"}),
     "let": ({"name", "value"}, set[str]()),
     "node": ({"pkg", "exec"}, {"name", "namespace", "param", "remap"} | _CONDITIONS | _PROCESS),
-    "executable": ({"cmd"}, {"name"} | _CONDITIONS | _PROCESS),
+    "executable": ({"cmd"}, _PROCESS),
     "include": ({"file"}, {"arg"} | _CONDITIONS),
 }
 _NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
@@ -51,7 +47,7 @@ def read_arguments(path) -> list[Argument]:
     Raises:
         LaunchError: as `read_plan`.
     """
-    reader = _Reader({_SEPARATE: "true"}, starts=False)
+    reader = _Reader({}, starts=False)
     reader.file(Path(path))
     return [*reader.plan.arguments.values(), RECORD, LIVE]
 
@@ -64,7 +60,7 @@ def read_plan(path, arguments: dict[str, str]) -> Plan:
     """
     given = dict(arguments)
     record, live = (given.pop(a.name, a.default) for a in (RECORD, LIVE))
-    reader = _Reader(given | {_SEPARATE: "true"})  # each node is one of this process
+    reader = _Reader(dict(given))
     reader.file(Path(path))
     plan = reader.plan
     if unknown := sorted(given.keys() - plan.arguments):
@@ -160,8 +156,8 @@ class _Reader:
     def _node(self, body: dict, where: str) -> None:
         package, executable = (self._text(body, key, where) for key in ("pkg", "exec"))
         where = f"{where} {executable}"
-        if package == PACKAGE and executable not in NODES:
-            raise LaunchError(f"{where}: exec: must be one of {', '.join(NODES)}")
+        if package == PACKAGE and executable not in (*NODES, COMPOSED):
+            raise LaunchError(f"{where}: exec: must be one of {', '.join((*NODES, COMPOSED))}")
         action = NodeAction(executable, executable, file=self._including[-1], package=package)
         if "name" in body:
             action.name = self._named(body, "name", where, _NAME)
@@ -179,7 +175,7 @@ class _Reader:
                 self._named(item, key, f"{where}: remap", _TOPIC) for key in ("from", "to")
             )
             action.remappings.append((source, to))
-        self.plan.nodes += with_skins(action)
+        self.plan.nodes += nodes_of(action)
         for file in self._parameter_files.values() if action.kind == BODY else ():
             if far := min(file.elsewhere, default=""):
                 raise LaunchError(

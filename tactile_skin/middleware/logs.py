@@ -2,20 +2,21 @@
 """What the skin logs, written by a thread of its own: a terminal that takes nothing stops nobody.
 
 A full pipe and a terminal after Ctrl-S keep whoever writes to them waiting: a stop hook's thread,
-say, before its next try. While a skin runs, its logger only queues; what does not fit is dropped
-and counted.
+for one, before its next try. While a skin runs, its logger only queues; what does not fit is lost.
 """
 
 from __future__ import annotations
 
 import contextlib
 import logging
+import math
 import queue
 import select
-import threading
+import time
+from logging.handlers import QueueHandler, QueueListener
 
 _KEPT = 1000  # records that wait: minutes of a hook that raises ten times a second
-_POLL = 0.05  # s between two checks whether the log shall end
+_POLL = 0.05  # s of one wait for a stream to take a line
 _REST_WITHIN = 0.1  # s that the records still waiting have at the end
 
 
@@ -32,21 +33,21 @@ def takes(stream, timeout: float = 0.0) -> bool:
     return bool(poller.poll(timeout * 1e3))
 
 
-class QueuedLog(logging.Handler):
-    """Stands before the handlers of a logger, its parents' included.
-
-    Attributes:
-        dropped: records that did not fit.
-    """
+class QueuedLog(QueueHandler):
+    """Stands before the handlers of a logger, its parents' included, until it is closed."""
 
     def __init__(self, logger: logging.Logger):
-        super().__init__()
-        self.dropped = 0
+        room: queue.Queue = queue.Queue(_KEPT)
+        super().__init__(room)
         self._logger, self._own, self._propagate = logger, logger.handlers, logger.propagate
-        self._queue: queue.Queue[logging.LogRecord | None] = queue.Queue(_KEPT)
-        self._over = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="log", daemon=True)
-        self._thread.start()
+        found = [*logger.handlers]
+        above = logger
+        while above.propagate and above.parent:
+            above = above.parent
+            found += above.handlers
+        last = [logging.lastResort] if logging.lastResort else []
+        self._writer = _Writer(room, *(found or last))
+        self._writer.start()
         logger.handlers, logger.propagate = [self], False
 
     @classmethod
@@ -54,52 +55,42 @@ class QueuedLog(logging.Handler):
         """Stand before the logger's handlers; None: another skin's does already."""
         return None if any(isinstance(h, cls) for h in logger.handlers) else cls(logger)
 
-    def emit(self, record: logging.LogRecord) -> None:
-        try:
-            self._queue.put_nowait(record)
-        except queue.Full:
-            self.dropped += 1
+    def enqueue(self, record: logging.LogRecord) -> None:
+        with contextlib.suppress(queue.Full):
+            self.queue.put_nowait(record)
 
     def close(self) -> None:
         """Put the logger back as it was; what waits is still written, unless nothing takes it."""
         added = [handler for handler in self._logger.handlers if handler is not self]
         self._logger.handlers, self._logger.propagate = self._own + added, self._propagate
-        with contextlib.suppress(queue.Full):  # then the thread is not waiting for a record
-            self._queue.put_nowait(None)
-        self._thread.join(_REST_WITHIN)
-        self._over.set()
-        self._thread.join(2 * _POLL)
+        self._writer.stop()
         super().close()
 
-    def _run(self) -> None:
-        reported = 0
-        while not self._over.is_set() and (record := self._queue.get()) is not None:
-            self._write(record)
-            if self.dropped > reported:
-                lost, reported = self.dropped - reported, self.dropped
-                text = f"{lost} messages were dropped: the log was not written in time"
-                name = self._logger.name
-                self._write(logging.LogRecord(name, logging.WARNING, "", 0, text, None, None))
 
-    def _write(self, record: logging.LogRecord) -> None:
-        handlers: list[logging.Handler | None] = [*self._own]
-        handlers += _above(self._logger) if self._propagate else []
-        for handler in handlers or [logging.lastResort]:
-            if handler is None or record.levelno < handler.level:
-                continue
-            # Wait here, not in the handler: it would wait with its lock held, which
-            # logging.shutdown() asks for when the process ends.
-            while not takes(getattr(handler, "stream", None), _POLL):
-                if self._over.is_set():
+class _Writer(QueueListener):
+    """Waits for a stream outside of its handler, whose lock logging.shutdown() asks for."""
+
+    _until = math.inf  # monotonic time after which nothing is waited for [s]
+
+    def __init__(self, room: queue.Queue, *handlers: logging.Handler):
+        super().__init__(room, *handlers)
+        self._room = room
+
+    def handle(self, record: logging.LogRecord) -> None:
+        for handler in self.handlers:
+            while not takes(getattr(handler, "stream", None), min(_POLL, self._left())):
+                if not self._left():
                     return
-            with contextlib.suppress(Exception):  # the next handler, and the next record
-                handler.handle(record)
+            if record.levelno >= handler.level:
+                with contextlib.suppress(Exception):  # the next handler, and the next record
+                    handler.handle(record)
 
+    def _left(self) -> float:
+        return max(0.0, self._until - time.monotonic())
 
-def _above(logger: logging.Logger) -> list[logging.Handler]:
-    """Return the handlers that a logger's records go up to."""
-    found, above = [], logger.parent
-    while above is not None:
-        found += above.handlers
-        above = above.parent if above.propagate else None
-    return found
+    def stop(self) -> None:
+        self._until = time.monotonic() + _REST_WITHIN
+        with contextlib.suppress(queue.Full):
+            self._room.put(None, timeout=_REST_WITHIN + _POLL)
+        if self._thread:  # a stream may take less than a line, and hold it
+            self._thread.join(_REST_WITHIN + _POLL)

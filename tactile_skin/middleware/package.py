@@ -37,7 +37,15 @@ VIEW = "view"  # it shows one skin, or those of a body; so does
 MONITOR = "monitor"
 RECORDER = "recorder"  # of any launch file, but not on ROS; so is
 FOXGLOVE = "foxglove"
-COMPOSED = "skin"  # the program that runs a whole skin on ROS
+COMPOSED = "skin"  # the program of a skin's nodes
+# Its nodes, in the way of the data, and whether they run unless a parameter says so.
+PARTS = {
+    **dict.fromkeys(SKIN_NODES, True),
+    "gestures": False,
+    "cmd_vel_gate": False,
+    "push_to_move": False,
+    "monitor": False,
+}
 _OBSERVERS = {RECORDER: "observers.recorder.RecorderNode", FOXGLOVE: "observers.foxglove.Foxglove"}
 CLASSES = NODES | _OBSERVERS
 

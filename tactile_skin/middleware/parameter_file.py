@@ -24,7 +24,6 @@ CONFIG = "config"  # parameter of a program: its parameter file, which must be t
 _PORT = "port"  # of a skin's board
 _OF_SKIN = (*SHARED, "frame_id", _PORT)  # what a skin of a body may state of itself
 _SKIN_NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
-_LAUNCH_ROS = "launch_params_"  # how launch_ros names the files that it writes for one program
 _MISSPELT = 0.85  # ratio of difflib: `motor` is another node than `monitor`, `stop_on_psh` is none
 
 
@@ -46,10 +45,6 @@ class ParameterFile:
         skins: their names.
         elsewhere: of those of them that another computer runs.
         sections: full name, such as "/left/stop_on_push" -> {parameter: value}.
-        by_launch: whether `ros2 launch` wrote it, of what a launch file gives one program. An empty
-            value in it is that of an argument that was not given, and says nothing.
-        programs: full names of the program that runs several nodes; a section for it is for each
-            of them.
 
     Raises:
         FileError: not such a file, or none; the message names the file and the key.
@@ -57,7 +52,6 @@ class ParameterFile:
 
     def __init__(self, path, own: bool = False):
         self.path, self.own = Path(path), own
-        self.programs: tuple[str, ...] = ()
         try:
             data = read_yaml(path)
         except OSError as error:
@@ -70,8 +64,6 @@ class ParameterFile:
         skins = data.pop(SKINS, {})
         for name, section in data.items():
             self._read(name, section)
-        one = len(self.sections) == 1  # of several: a user's, whose substitutions were carried out
-        self.by_launch = one and self.path.name.startswith(_LAUNCH_ROS)
         if not isinstance(skins, dict):
             raise FileError(f"{path}: {SKINS} = {shorten(skins)}: must map names to skins")
         self.skins, self.elsewhere = tuple(skins), set[str]()
@@ -121,7 +113,9 @@ class ParameterFile:
                 shared |= _flat({key: value}, where)
             else:
                 known = ", ".join((*_OF_SKIN, CONFIG, ELSEWHERE, *SKIN_NODES))
-                raise FileError(f"{where}: {key}: must be one of {known}{_where_it_stands(key)}")
+                raise FileError(
+                    f"{where}: {key}: must be one of {known}{did_you_mean(key, _OF_SKIN)}"
+                )
         if file := given.get(CONFIG):
             own = ParameterFile(self.path.parent / str(file), own=True)
             if own.skins:
@@ -141,29 +135,24 @@ class ParameterFile:
         """Return a section as the file has it, for messages."""
         return f"{self.path}: {self._names[section]}"
 
-    def overrides(self, node: str) -> list[Parameter]:
-        """Return what the file says for the node of this full name; what comes later in it wins."""
+    def overrides(self, *nodes: str) -> list[Parameter]:
+        """Return what the file says for a node and its programs; what comes later in it wins."""
         found: dict[str, Parameter] = {}
         for section, values in self.sections.items():
-            if any(concerns(section, name) for name in (node, *self.programs)):
+            if any(concerns(section, name) for name in nodes):
                 of_skin = section in self._of_skins
                 source = self.name_of(section) if of_skin else str(self.path)
                 found |= {key: Parameter(key, value, source) for key, value in values.items()}
-        return [p for p in found.values() if not (self.by_launch and p.value == "")]
+        return list(found.values())
 
-    def named(self) -> list[ParameterFile]:
-        """Return the parameter files that `ros2 launch` was given as `config`, and forget them."""
-        paths = [v.pop(CONFIG) for v in self.sections.values() if self.by_launch and CONFIG in v]
-        return [ParameterFile(path, own=True) for path in paths]
-
-    def check(self, nodes: Mapping[str, Collection[str] | None]) -> None:
+    def check(
+        self, nodes: Mapping[str, Collection[str] | None], programs: Collection[str] = ()
+    ) -> None:
         """Refuse what is misspelt, and a file that is of another package.
 
         Args:
             nodes: name of each node that runs -> names of its parameters; None: not known yet.
-
-        Raises:
-            ParameterError: naming the section and the parameter.
+            programs: names of those that run them.
         """
         from ..parameters.nodes import own_names, shared_names  # here: reading a file needs none
 
@@ -171,9 +160,8 @@ class ParameterFile:
         known: dict[str, Collection[str] | None] = {n: own_names(n) | shared for n in CLASSES}
         known |= nodes
         everyone = shared.union(*filter(None, known.values()))
-        programs = {last_of(name) for name in self.programs}
         if not self.own:  # it may also be for a program that runs elsewhere
-            programs.add(COMPOSED)
+            programs = [*programs, COMPOSED]
         known |= dict.fromkeys(programs, everyone | NODES.keys())
         known |= dict.fromkeys(_WILDCARDS, None if None in known.values() else everyone)
         lasts = [last_of(section) for section in self.sections]
@@ -201,16 +189,13 @@ class ParameterFile:
                 "is of none of them: launch body.launch.yaml, or give the file of one skin"
             )
 
-    def check_meant(self, node: str) -> None:
-        """Refuse a file with sections for nodes of this name, none of them in its namespace.
+    def check_meant(self, node: str, *programs: str) -> None:
+        """Refuse a file whose sections for this name are all of other namespaces.
 
         ROS would run the node on its defaults, and not say so.
-
-        Raises:
-            ParameterError: naming the sections and the node.
         """
         self.check_skin(node)
-        for full in (node, *self.programs):
+        for full in (node, *programs):
             name = last_of(full)
             alike = [s for s in self.sections.keys() - self._of_skins if last_of(s) == name]
             if alike and not any(concerns(section, full) for section in alike):
@@ -226,15 +211,6 @@ def last_of(full_name: str) -> str:
     return full_name.rsplit("/", 1)[-1]
 
 
-def values_for(node: str, given: Iterable[ParameterFile | Parameter]) -> list[Parameter]:
-    """Return what files and single values say for the node of this full name; the last wins."""
-    found = {}
-    for item in given:
-        for p in item.overrides(node) if isinstance(item, ParameterFile) else [item]:
-            found[p.name] = p
-    return list(found.values())
-
-
 def unknown_of(names: Iterable[str], known: Collection[str]) -> list[str]:
     """Return the names that are neither known nor ROS's own."""
     return [name for name in names if name not in known and not name.startswith(THEIRS)]
@@ -243,14 +219,6 @@ def unknown_of(names: Iterable[str], known: Collection[str]) -> list[str]:
 def unknown_parameter(where: str, name: str, known: Collection[str]) -> str:
     """Return the message that refuses a parameter which nothing has."""
     return f"{where}: parameter {name!r} is unknown{did_you_mean(name, known)}"
-
-
-def _where_it_stands(key: str) -> str:
-    """Return the end of a message that refuses a parameter of a skin's node among the skin's."""
-    from ..parameters.nodes import own_names  # here: reading a file needs none
-
-    node = next((node for node in SKIN_NODES if key in own_names(node)), "")
-    return f"; did you mean {node}: {{{key}: ...}}?" if node else did_you_mean(key, _OF_SKIN)
 
 
 def _misspelt(name: str, known: Collection[str]) -> bool:

@@ -1,22 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a launch file asks for: nodes, those of a body's skins among them, and commands.
+"""What a launch file or a program of ROS asks for: nodes, commands, and what nodes are given.
 
-And what it gives its nodes; what is wrong names the file.
+What is wrong names the file.
 """
 
 from __future__ import annotations
 
 import contextlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from ..errors import LaunchError, ParameterError, TopicTypeError
 from ..msg import Twist, TwistStamped
 from .bus import Context, Node, Parameter
-from .package import BODY, CLASSES, MONITOR, NODES, PACKAGE, SKIN_NODES, VIEW
-from .parameter_file import SHARED, ParameterFile, unknown_of, unknown_parameter, values_for
+from .package import BODY, CLASSES, COMPOSED, MONITOR, NODES, PACKAGE, PARTS, SKIN_NODES, VIEW
+from .parameter_file import (
+    SHARED,
+    THEIRS,
+    ParameterFile,
+    last_of,
+    unknown_of,
+    unknown_parameter,
+)
 
 _SIMULATED = "use_sim_time"
 _ONE_THREAD = ("compensation", "gesture_feature")  # strictly sequential
@@ -42,6 +49,7 @@ class NodeAction:
     remappings: list[tuple[str, str]] = field(default_factory=list)
     file: Path = Path()  # the launch file
     package: str = PACKAGE
+    programs: tuple[str, ...] = ()  # full names of what runs it: what is for them is for it
 
     @property
     def kind(self) -> str:
@@ -54,9 +62,34 @@ class NodeAction:
         """The node's name, its namespace in front."""
         return "/" + f"{self.namespace}/{self.name}".strip("/")
 
+    def files(self) -> list[ParameterFile]:
+        """Return the parameter files among what it is given."""
+        return [p for p in self.parameters if isinstance(p, ParameterFile)]
+
+    def singles(self) -> list[Parameter]:
+        """Return the single parameters among what it is given."""
+        return [p for p in self.parameters if isinstance(p, Parameter)]
+
+    def given(self) -> list[Parameter]:
+        """Return what files and single parameters say, the last for each name."""
+        found = {}
+        names = self.full_name, *self.programs
+        for item in self.parameters:
+            for p in item.overrides(*names) if isinstance(item, ParameterFile) else [item]:
+                found[p.name] = p
+        return list(found.values())
+
+    def arguments(self) -> dict[str, Any]:
+        """Return the arguments of its Node, besides its name."""
+        return {
+            "namespace": self.namespace,
+            "remappings": self.remappings,
+            "parameter_overrides": self.given(),
+        }
+
     def values(self) -> dict[str, Any]:
         """Return what it is given, name -> value."""
-        return {p.name: p.value for p in values_for(self.full_name, self.parameters)}
+        return {p.name: p.value for p in self.given()}
 
     def give(self, values: Mapping[str, Any]) -> None:
         """Give it parameters, name -> value, over those that it has."""
@@ -72,27 +105,60 @@ class Plan:
     # commands that run one of a body each: when it ends, the others go on
     skins: list[list[str]] = field(default_factory=list)
     arguments: dict[str, Argument] = field(default_factory=dict)
-    # names of parameters that may be given to all nodes, though not each has them
-    for_all: frozenset[str] = frozenset()
 
     def files(self) -> list[ParameterFile]:
         """Return each parameter file that a node is given, once."""
-        given = [p for action in self.nodes for p in action.parameters]
-        return list(dict.fromkeys(p for p in given if isinstance(p, ParameterFile)))
+        return list(dict.fromkeys(file for action in self.nodes for file in action.files()))
+
+
+def nodes_of(action: NodeAction) -> list[NodeAction]:
+    """Return the nodes that a program starts: those of `skin`, a body with its skins', or one."""
+    parts = parts_of(action) if action.kind == COMPOSED else [action]
+    return [node for part in parts for node in with_skins(part)]
+
+
+def parts_of(program: NodeAction) -> list[NodeAction]:
+    """Return the nodes that the program `skin` is to run, each with the parameters that it has."""
+    given = _shared_out(program, PARTS, PARTS.keys())
+    wanted = PARTS | {k: v for k, v in program.values().items() if k in PARTS}
+    for name, runs in wanted.items():
+        if not isinstance(runs, bool):
+            raise ParameterError(
+                f"parameter {name} of {COMPOSED} = {runs!r}: must be true or false"
+            )
+    names = replace(program, name=COMPOSED).full_name, program.full_name
+    return [
+        replace(program, executable=kind, name=kind, parameters=given[kind], programs=names)
+        for kind, runs in wanted.items()
+        if runs
+    ]
+
+
+def _shared_out(program: NodeAction, kinds, others=()) -> dict[str, list]:
+    """Return what each of a program's nodes is given of its parameters; none must be left."""
+    from ..parameters.nodes import all_names  # here: reading a launch file needs none
+
+    has = {kind: all_names(kind) for kind in kinds}
+    known = frozenset(others).union(*has.values())
+    _refuse_unknown(f"{program.file}: {program.kind}", [p.name for p in program.singles()], known)
+    return {
+        kind: [
+            p
+            for p in program.parameters
+            if isinstance(p, ParameterFile) or p.name in own or p.name.startswith(THEIRS)
+        ]
+        for kind, own in has.items()
+    }
 
 
 def with_skins(action: NodeAction) -> list[NodeAction]:
     """Return a node, which learns what each skin of its parameter file is; with a body, theirs too.
 
     A node in the namespace of a skin is of that one alone.
-
-    Raises:
-        LaunchError: a body without skins, boards that cannot be distinguished, or a parameter that
-            none of the nodes has.
     """
     if action.kind not in _OF_SKINS:
         return [action]
-    files = [p for p in action.parameters if isinstance(p, ParameterFile)]
+    files = action.files()
     above = f"{action.namespace}/".lstrip("/")
     skins = {name: file for file in files for name in file.skins}
     if action.namespace.strip("/") in skins:
@@ -114,22 +180,17 @@ def with_skins(action: NodeAction) -> list[NodeAction]:
 
 def _nodes_of(body: NodeAction, files: list[ParameterFile], spaces: dict) -> list[NodeAction]:
     """Return the nodes of a body's skins, name -> namespace; a value is for those that have it."""
-    from ..parameters.nodes import all_names
-
     if not spaces:
         raise LaunchError(f"{body.file}: {BODY}: needs config:=FILE, with the skins of the body")
-    singles = [p for p in body.parameters if isinstance(p, Parameter)]
-    own = {kind: [p for p in singles if p.name in all_names(kind)] for kind in (*SKIN_NODES, BODY)}
-    if unknown := [p.name for p in singles if not any(p in have for have in own.values())]:
-        raise LaunchError(f"{body.file}: {BODY}: parameter {unknown[0]!r} is unknown")
+    own = _shared_out(body, (*SKIN_NODES, BODY))
     elsewhere = {name for file in files for name in file.elsewhere}
     nodes = [
-        NodeAction(kind, kind, space, [*files, *own[kind]], [], body.file)
+        NodeAction(kind, kind, space, own[kind], [], body.file)
         for name, space in spaces.items()
         for kind in (() if name in elsewhere else SKIN_NODES)
     ]
     _check_boards({a.namespace: a.values() for a in nodes if a.kind == SKIN_NODES[0]})
-    body.parameters = [*files, *own[BODY]]
+    body.parameters = own[BODY]
     return nodes
 
 
@@ -155,24 +216,13 @@ def _check_boards(skins: Mapping[str, dict]) -> None:
         seen |= dict.fromkeys(found, f"{name}'s {said}")
 
 
-def given(action: NodeAction) -> dict:
-    """Return the arguments of a node that a launch file names."""
-    return {
-        "namespace": action.namespace,
-        "remappings": action.remappings,
-        "parameter_overrides": values_for(action.full_name, action.parameters),
-    }
-
-
 def make_node(action: NodeAction, context: Context) -> Node:
     """Return a node of the bus with the names, remappings and parameters of a launch file."""
-    arguments = given(action)
-    simulated = [p for p in arguments["parameter_overrides"] if p.name == _SIMULATED]
-    if any(p.value is not False for p in simulated):
+    if action.values().get(_SIMULATED, False) is not False:
         raise LaunchError(f"{action.file}: {_SIMULATED}: must be false: /clock is on ROS only")
-    for p in simulated:
-        arguments["parameter_overrides"].remove(p)
-    return Node(action.name, context=context, **arguments)
+    arguments = action.arguments()
+    own = [p for p in arguments.pop("parameter_overrides") if p.name != _SIMULATED]
+    return Node(action.name, context=context, parameter_overrides=own, **arguments)
 
 
 def by_thread(nodes: list[NodeAction], handles: list[Node]) -> list[list[Node]]:
@@ -205,29 +255,21 @@ def check_parameters(plan: Plan, names: Mapping[str, frozenset[str] | None]) -> 
     Args:
         names: full name of each node of the plan -> names of its parameters; None: it says which
             once it is made.
-
-    Raises:
-        LaunchError: naming the file and the parameter.
-        ParameterError: as `ParameterFile.check` and `check_meant`.
     """
     for action in plan.nodes:
-        own = names[action.full_name]
-        known = plan.for_all | (own or frozenset())
-        for item in action.parameters if own is not None else ():
-            if not isinstance(item, ParameterFile):
-                _refuse_unknown(item.source or str(action.file), [item.name], known)
-                continue
-            item.check_meant(action.full_name)
-            for section, values in item.sections.items() if item.by_launch else ():
-                _refuse_unknown(item.name_of(section), values, known)
-    lasts = {name.rsplit("/", 1)[-1]: own for name, own in names.items()}
-    for file in plan.files():
-        if file.by_launch:
+        if (known := names[action.full_name]) is None:
             continue
-        file.check(lasts)
+        for p in action.singles():
+            _refuse_unknown(p.source or str(action.file), [p.name], known)
+        for file in action.files():
+            file.check_meant(action.full_name, *action.programs)
+    lasts = {last_of(name): own for name, own in names.items()}
+    programs = {last_of(name) for action in plan.nodes for name in action.programs}
+    for file in plan.files():
+        file.check(lasts, programs)
         for section, values in file.sections.items():
             shared = [name for name in values if name.split(".")[0] in SHARED]
-            if section.rsplit("/", 1)[-1] in CLASSES and shared:
+            if last_of(section) in CLASSES and shared:
                 raise LaunchError(
                     f"{file.name_of(section)}: {shared[0]}: belongs under /**, since "
                     "several nodes must agree on it"
@@ -267,7 +309,7 @@ def naming_its_file(action: NodeAction):
         names = error.parameters if isinstance(error, ParameterError) else ()
         files = [
             p.source
-            for p in values_for(action.full_name, action.parameters)
+            for p in action.given()
             if p.source and any(f"{p.name}.".startswith(f"{name}.") for name in names)
         ]
         files += [action.full_name] if action.namespace and not files else []  # of which skin

@@ -16,17 +16,17 @@ from ..yaml_files import YAML_BYTES, read_yaml
 _NOTE = "# calibrate: "  # begins the lines at a file's top that the last calibration wrote
 _LINE = 1 << 20  # characters: a list is a line, some are as long as the skin has cells
 _PARAMETERS = "ros__parameters"
+_EVERY = "/**"  # section for every node
 
 
-def entered(source: Path | None, section: str, changes: dict, notes: list[str] | None) -> str:
+def entered(source: Path | None, changes: dict[str, dict], notes: list[str]) -> str:
     """Return a parameter file's text with other values; its comments and order stay.
 
     Args:
         source: the file; None: an empty one.
-        section: for what no section of the file has yet: "/**".
-        changes: parameter -> value, or group -> {parameter: value}. A group is changed wherever the
-            file has it.
-        notes: put at the top in place of those of the last calibration; None: those stay.
+        changes: group -> {parameter: value}, entered wherever the file has the group, or else for
+            every node.
+        notes: put at the top in place of those of the last calibration.
 
     Raises:
         FileError, OSError: as `read_yaml`.
@@ -39,71 +39,60 @@ def entered(source: Path | None, section: str, changes: dict, notes: list[str] |
     if source is not None:
         read_yaml(source)  # within its limits, and refused by name
         text = read_text(source, YAML_BYTES)
-    lines = text.splitlines(True)
-    if notes is not None:
-        lines = list(dropwhile(lambda line: line.startswith(_NOTE), lines))
+    text = "".join(dropwhile(lambda line: line.startswith(_NOTE), text.splitlines(True)))
     yaml = YAML()
     yaml.preserve_quotes, yaml.width = True, _LINE
-    _, indent, offset = load_yaml_guess_indent("".join(lines) or "{}")
+    _, indent, offset = load_yaml_guess_indent(text or "{}")
     yaml.indent(mapping=indent or 2, sequence=indent or 4, offset=offset or 0)
-    data = yaml.load("".join(lines))
+    data = yaml.load(text)
     only_comments = data is None
     data = CommentedMap() if only_comments else data
-    for name, value in changes.items():
-        having = [
-            parameters
-            for below in data.values()
-            if (parameters := _parameters(below)) is not None and _has(parameters, name)
-        ]
+    for group, values in changes.items():
+        found = [s.get(_PARAMETERS) for s in data.values() if isinstance(s, dict)]
+        having = [p for p in found if isinstance(p, dict) and _has(p, group)]
         if not having:
-            below = data.get(section)
-            if below is None:
-                below = data[section] = CommentedMap()
-            if _parameters(below) is None:
-                below[_PARAMETERS] = CommentedMap()
-            having = [below[_PARAMETERS]]
+            below = data
+            for key in (_EVERY, _PARAMETERS):
+                if not isinstance(below.get(key), dict):
+                    below[key] = CommentedMap()
+                below = below[key]
+            having = [below]
         for parameters in having:
-            _enter(parameters, name, value)
+            _enter(parameters, group, values)
     stream = io.StringIO()
     yaml.dump(data, stream)
-    top = "".join(f"{_NOTE}{line}\n" for note in notes or [] for line in note.splitlines())
-    return top + ("".join(lines) if only_comments else "") + stream.getvalue()
+    top = "".join(f"{_NOTE}{line}\n" for note in notes for line in note.splitlines())
+    return top + (text if only_comments else "") + stream.getvalue()
 
 
-def _parameters(section) -> dict | None:
-    found = section.get(_PARAMETERS) if isinstance(section, dict) else None
-    return found if isinstance(found, dict) else None
+def _has(parameters: dict, group: str) -> bool:
+    return any(key == group or key.startswith(f"{group}.") for key in parameters)
 
 
-def _has(parameters: dict, name: str) -> bool:
-    return any(key == name or key.startswith(f"{name}.") for key in parameters)
+def _enter(parameters, group: str, values: dict) -> None:
+    """Set the values of a group, as `group: {name: value}` or as `group.name: value`."""
+    from ruamel.yaml.comments import CommentedMap
+
+    flat = group not in parameters and _has(parameters, group)
+    if not flat and not isinstance(parameters.get(group), dict):
+        _put(parameters, group, CommentedMap())
+    for name, value in values.items():
+        if flat:
+            _put(parameters, f"{group}.{name}", value)
+        else:
+            _put(parameters[group], name, value)
 
 
-def _enter(parameters, name: str, value) -> None:
-    """Set a value, or those of a group, as `group: {name: value}` or as `group.name: value`."""
-    from ruamel.yaml.comments import CommentedMap, CommentedSeq
+def _put(parameters, name: str, value) -> None:
+    """Set one key; a new one before the last, after which comments of what follows stand."""
+    from ruamel.yaml.comments import CommentedSeq
 
-    if isinstance(value, dict):
-        flat = [key for key in parameters if key.startswith(f"{name}.")]
-        for key, each in value.items():
-            if flat and name not in parameters:
-                _enter(parameters, f"{name}.{key}", each)
-                continue
-            if not isinstance(parameters.get(name), dict):
-                _put(parameters, name, CommentedMap())
-            _enter(parameters[name], key, each)
-        return
     if isinstance(value, list):
         old = parameters.get(name)
         listed = old if isinstance(old, CommentedSeq) else CommentedSeq()
         listed[:] = value
         listed.fa.set_flow_style()
         value = listed
-    _put(parameters, name, value)
-
-
-def _put(parameters, name: str, value) -> None:
-    """Set one key; a new one before the last, after which comments of what follows stand."""
     if name in parameters:
         parameters[name] = value
     else:

@@ -53,8 +53,6 @@ def test_people_are_left_out_in_turn(takes, capsys):
     assert float(right.split()[1]) > 0.7
     people = {take.person for take in map(load_take, takes.iterdir())}
     assert {line.split(": ")[0] for line in lines if " takes" in line} == people | {"right"}
-    soon = [line.split() for line in lines if " s  " in line]
-    assert soon and all(0.0 <= float(row[3]) <= 1.0 for row in soon)
 
 
 def test_an_evaluation_is_drawn(takes, tmp_path, capsys):

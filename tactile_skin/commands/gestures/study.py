@@ -7,14 +7,13 @@ import datetime
 import functools
 from collections import Counter
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from ... import extras
 from ...bench.chart import prepare
 from ...learning import gestures as learning
-from ...learning.gestures import GLANCES, left_out, sharpness_of, table_of
+from ...learning.gestures import left_out, sharpness_of, table_of
 from ...learning.hands import PEOPLE, simulated
 from ...parameters.nodes import Gestures
 from ...touch.episode import FEATURES
@@ -22,15 +21,14 @@ from ...touch.model import OTHER, load_model, sharpened
 from ...touch.take import find_takes, load_take
 
 _DPI = 100  # of the picture
-_CELL = 0.42  # inches of a class in it
+# inches: of a class in it, and of all of it at least
+_CELL = 0.55
+_SMALLEST = 6.5
 _FEW = 3  # takes of a class, with fewer of which it is not trained
 
 
 def _read(paths):
-    return [
-        load_take(path)
-        for path in extras.tqdm()(list(find_takes(paths)), desc="takes", disable=None)
-    ]
+    return [load_take(path) for path in extras.track(list(find_takes(paths)), desc="takes")]
 
 
 def train(args) -> int:
@@ -43,10 +41,9 @@ def train(args) -> int:
         raise ValueError(f"{_FEW} takes of a gesture at least are needed; of {', '.join(few)}")
     people = sorted({take.person for take in takes})
     if not args.alone:
-        takes += extras.tqdm()(simulated(), desc="simulated hands", leave=False, disable=None)
+        takes += extras.track(simulated(), desc="simulated hands")
         people.append(f"{PEOPLE} simulated")
-    track = functools.partial(extras.tqdm(), desc="features", leave=False, disable=None)
-    table = table_of(takes, track=track, jobs=args.jobs)
+    table = table_of(takes, track=functools.partial(extras.track, desc="features"), jobs=args.jobs)
     if len(set(table.label)) < 2:
         raise ValueError("one gesture alone cannot be recognised: record another one, or 'other'")
     about = {
@@ -67,8 +64,7 @@ def evaluate(args) -> int:
     takes = _read(args.takes)
     if not args.model and len({take.label for take in takes}) < 2:
         raise ValueError("takes of two gestures at least are needed")
-    track = functools.partial(extras.tqdm(), desc="features", leave=False, disable=None)
-    table = table_of(takes, track=track)
+    table = table_of(takes, track=functools.partial(extras.track, desc="features"))
     if args.model:
         model = load_model(args.model)
         classes = np.array(model.classes)
@@ -87,12 +83,10 @@ def evaluate(args) -> int:
         his = table.person[table.end] == person
         print(f"{person}: {_share(label[his] == ends[his])}")
     print(f"right: {_share(label == ends)}")
-    soon = _soon(table, named == table.label, shares.max(1))
-    print(_as_text(soon))
     false = _false(table, named, shares.max(1))
     print(false)
     if args.picture:
-        draw(args.picture, label, ends, soon, false)
+        draw(args.picture, label, ends, f"{np.mean(label == ends):.1%} are right; {false}")
         print(args.picture)
     return 0
 
@@ -103,25 +97,6 @@ def _share(right) -> str:
     return f"{mean:.3f} +- {error:.3f} of {len(right)} takes"
 
 
-class Soon(NamedTuple):
-    """How soon gestures are named."""
-
-    after: float  # [s]
-    of_all: float  # share of the gestures that go on which are named
-    right: float  # share of these that are named rightly
-
-
-def _soon(table, right, sure) -> list[Soon]:
-    after = np.exp(table.features[:, FEATURES.index("duration")])
-    rows = []
-    for k, seconds in enumerate(GLANCES[:-1]):
-        now = ~table.end & (after >= seconds - 0.02) & (after < GLANCES[k + 1] - 0.02)
-        named = now & (sure >= Gestures.min_probability)
-        if named.any():
-            rows.append(Soon(seconds, named.sum() / now.sum(), float(right[named].mean())))
-    return rows
-
-
 def _false(table, named, sure) -> str:
     """Return how many gestures are named, at their end, in an hour of contacts that are none."""
     none = table.end & (table.label == OTHER)
@@ -130,12 +105,6 @@ def _false(table, named, sure) -> str:
     hours = np.exp(table.features[none, FEATURES.index("duration")]).sum() / 3600.0
     false = int((none & (named != OTHER) & (sure >= Gestures.min_probability)).sum())
     return f"false gestures: {false} of {none.sum()}, {false / hours:.0f} an hour of {OTHER!r}"
-
-
-def _as_text(rows: list[Soon]) -> str:
-    lines = [f"sure to {Gestures.min_probability:g} after   of all   of these right"]
-    lines += [f"{row.after:17.2f} s   {row.of_all:6.3f}   {row.right:8.3f}" for row in rows]
-    return "\n".join(lines)
 
 
 def _confusion(label, named) -> str:
@@ -150,50 +119,25 @@ def _confusion(label, named) -> str:
     return "\n".join(lines)
 
 
-def draw(path: Path, label: np.ndarray, named: np.ndarray, soon: list, false: str) -> None:
-    """Write the picture of an evaluation.
+def draw(path: Path, label: np.ndarray, named: np.ndarray, title: str) -> None:
+    """Write the picture of an evaluation: what each gesture was taken for.
 
     Args:
         label: (takes,) name of each gesture.
         named: (takes,) what it was taken for at its end.
-        soon: rows of `Soon`.
-        false: how many false gestures there are.
 
     Raises:
         ValueError: the file is of a type that matplotlib does not write.
     """
     from matplotlib import pyplot as plt
 
-    names = sorted({*label, *named})
-    side = max(3.2, _CELL * len(names))
-    figure, (matrix, times) = plt.subplots(
-        1, 2, figsize=(side + 4.6, side + 0.8), layout="constrained", width_ratios=(side, 3.2)
+    metrics = extras.load("sklearn.metrics", "the picture needs scikit-learn", "gestures")
+    side = max(_SMALLEST, _CELL * len({*label, *named}))
+    figure, axes = plt.subplots(figsize=(side, side), layout="constrained")
+    metrics.ConfusionMatrixDisplay.from_predictions(
+        label, named, cmap="Blues", colorbar=False, xticks_rotation=60, ax=axes
     )
-    row, col = (np.searchsorted(names, values) for values in (label, named))
-    count = np.zeros((len(names), len(names)), int)
-    np.add.at(count, (row, col), 1)
-    share = count / np.maximum(count.sum(1, keepdims=True), 1)
-    matrix.imshow(share, cmap="Blues", vmin=0.0, vmax=1.0)
-    for r, c in zip(*count.nonzero(), strict=True):
-        colour = "white" if share[r, c] > 0.5 else "black"
-        matrix.text(c, r, count[r, c], ha="center", va="center", color=colour, fontsize=8)
-    matrix.set_xticks(range(len(names)), names, rotation=60, ha="right", fontsize=9)
-    matrix.set_yticks(range(len(names)), names, fontsize=9)
-    matrix.set_xlabel("taken for")
-    matrix.set_ylabel("gesture")
-    matrix.set_title(f"{np.mean(label == named):.1%} of {len(label)} takes are right", fontsize=9.5)
-    figure.suptitle(false, fontsize=9.5)
-    after = [entry.after for entry in soon]
-    for name, colour, line in (("of_all", "#0072b2", "-"), ("right", "#d55e00", "--")):
-        text = {"of_all": "of all named", "right": "of these right"}[name]
-        values = [getattr(entry, name) for entry in soon]
-        times.plot(after, values, line, marker="o", color=colour, label=text)
-    times.set_xlabel("after the first touch [s]")
-    times.set_ylabel("share")
-    times.set_ylim(0.0, 1.02)
-    times.set_title(f"sure to {Gestures.min_probability:g}", fontsize=9.5)
-    times.grid(alpha=0.25, linewidth=0.6)
-    times.legend(fontsize=8.5, frameon=False, loc="lower right")
+    axes.set(xlabel="taken for", ylabel="gesture", title=title)
     try:
         figure.savefig(path, dpi=_DPI)
     finally:

@@ -54,11 +54,7 @@ class Service:
         return self.callback, (request, self.srv_type.Response()), future
 
     def _put(self, request, future: Future) -> None:
-        """Take a request that has arrived, in whatever thread.
-
-        Raises:
-            RuntimeError: too many wait already.
-        """
+        """Take a request that has arrived, in whatever thread; RuntimeError: too many wait."""
         with self._node._lock:
             if len(self._queue) >= _REQUESTS:
                 for entry in [e for e in self._queue if e[1].cancelled()]:

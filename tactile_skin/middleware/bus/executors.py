@@ -69,16 +69,12 @@ class SingleThreadedExecutor:
         What becomes due while others run is not waited for.
         """
         now = [(turns, node.context.clock.now().nanoseconds) for node, turns in self._nodes]
-        while any([_run_all(turns, at) for turns, at in now]):
-            pass
-
-
-def _run_all(turns: Turns, now: int) -> bool:
-    """Call all that is due at `now` [ns]; whether there was anything."""
-    ran = False
-    while turns.run_one(now):
         ran = True
-    return ran
+        while ran:
+            ran = False
+            for turns, at in now:
+                while turns.run_one(at):
+                    ran = True
 
 
 class MultiThreadedExecutor:

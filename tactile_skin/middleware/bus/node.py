@@ -9,6 +9,7 @@ import threading
 from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
+from typing import TypeVar
 
 from ...errors import ParameterError
 from ...fields import About
@@ -27,6 +28,7 @@ from .topics import (
     type_name,
 )
 
+_Heard = TypeVar("_Heard", bound=Subscription)
 _LATCHED = QoSProfile(durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -126,7 +128,9 @@ class Node:
         self, msg_type, topic: str, callback, qos_profile: QoSProfile | int
     ) -> Subscription:
         name = self.resolve_topic_name(topic)
-        subscription = Subscription(self, msg_type, name, callback, as_qos(qos_profile))
+        return self._added(Subscription(self, msg_type, name, callback, as_qos(qos_profile)))
+
+    def _added(self, subscription: _Heard) -> _Heard:
         with self._lock:
             self._subscriptions.append(subscription)
         self._wake.set()
@@ -137,17 +141,12 @@ class Node:
     ) -> Tap:
         """Subscribe with a callback that runs in the publisher's thread; rclpy has none."""
         name = self.resolve_topic_name(topic)
-        tap = Tap(self, msg_type, name, callback, as_qos(qos_profile))
-        with self._lock:
-            self._subscriptions.append(tap)
-        return tap
+        return self._added(Tap(self, msg_type, name, callback, as_qos(qos_profile)))
 
     def create_mailbox(self, msg_type, topic: str, qos_profile: QoSProfile | int) -> Mailbox:
         """Subscribe without a callback: what has come is taken when it is wanted."""
-        mailbox = Mailbox(self, msg_type, self.resolve_topic_name(topic), as_qos(qos_profile))
-        with self._lock:
-            self._subscriptions.append(mailbox)
-        return mailbox
+        name = self.resolve_topic_name(topic)
+        return self._added(Mailbox(self, msg_type, name, as_qos(qos_profile)))
 
     def create_timer(self, timer_period_sec: float, callback) -> Timer:
         if not timer_period_sec > 0:

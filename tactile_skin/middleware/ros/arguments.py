@@ -9,9 +9,11 @@ import re
 from ...files import shorten
 from ...yaml_files import parse_yaml
 from ..bus import Parameter
-from ..parameter_file import CONFIG, ParameterFile
+from ..package import NODES
+from ..parameter_file import CONFIG, ParameterFile, last_of
 
 PARAMS_FILE = "--params-file"
+_LAUNCH_ROS = "launch_params_"  # how launch_ros names the files that it writes
 _NODE = r"(?:(?P<node>[A-Za-z_]\w*):(?!//))?"
 _RULE = re.compile(_NODE + r"(?P<name>[^:\s]+):=(?P<to>\S+)")
 _VALUE = re.compile(_NODE + r"(?P<name>[^:\s]+):=(?P<to>.*)", re.DOTALL)
@@ -36,29 +38,22 @@ class RosArguments:
     def namespace_of(self, *names: str) -> str:
         return next((self.namespaces[n] for n in (*names, None) if n in self.namespaces), "")
 
-    def files(self) -> list[ParameterFile]:
-        return [item for _, item in self.parameters if isinstance(item, ParameterFile)]
-
-    def parameters_of(self, *names: str) -> list[ParameterFile | Parameter]:
+    def parameters_of(self, *names: str | None) -> list[ParameterFile | Parameter]:
         """For the node of these names, as the program and as the command line have it."""
-        return [item for node, item in self.parameters if node in (None, *names)]
+        return [item for node, item in self.parameters if node in names]
 
     def addressed(self) -> set[str]:
         """Return the names of the nodes that arguments are for."""
         every = (*self.parameters, *self.remappings)
         return {node for node in (*(n for n, _ in every), *self.names, *self.namespaces) if node}
 
-    def remappings_of(self, *names: str) -> list[tuple[str, str]]:
+    def remappings_of(self, *names: str | None) -> list[tuple[str, str]]:
         """(from, to), the first of which counts."""
-        return [rule for node, rule in self.remappings if node in (None, *names)]
+        return [rule for node, rule in self.remappings if node in names]
 
 
 def split_arguments(words: list[str]) -> tuple[list[str], RosArguments]:
-    """Split a command line into the program's own words and ROS's.
-
-    Raises:
-        ValueError: a parameter or a remapping that is none, by name.
-    """
+    """Split a command line into the program's own words and ROS's; ValueError names a wrong one."""
     own, args, rest = [], RosArguments(), list(words)
     while rest:
         word = rest.pop(0)
@@ -71,10 +66,24 @@ def split_arguments(words: list[str]) -> tuple[list[str], RosArguments]:
     return own, args
 
 
+def _read(path: str) -> list[ParameterFile | Parameter]:
+    """Return a parameter file, or what is in one that `ros2 launch` has written for one program.
+
+    That is of what a launch file gives the program; an empty value is that of an argument that was
+    not given, and says nothing.
+    """
+    file = ParameterFile(path)
+    (section, values), *others = [*file.sections.items()] or [("", {})]
+    if others or not file.path.name.startswith(_LAUNCH_ROS) or last_of(section) in NODES:
+        return [file]  # a user's, also where launch_ros has carried out its substitutions
+    named = [ParameterFile(values.pop(CONFIG), own=True)] if CONFIG in values else []
+    source = file.name_of(section)
+    return [*named, *(Parameter(k, v, source) for k, v in values.items() if v != "")]
+
+
 def _take(word: str, rest: list[str], args: RosArguments) -> None:
     if word == PARAMS_FILE:
-        file = ParameterFile(rest.pop(0) if rest else "")
-        args.parameters += [(None, item) for item in (*file.named(), file)]
+        args.parameters += [(None, item) for item in _read(rest.pop(0) if rest else "")]
     elif word in ("-p", "--param"):
         value = rest.pop(0) if rest else ""
         found = _VALUE.fullmatch(value)

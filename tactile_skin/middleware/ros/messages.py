@@ -15,11 +15,7 @@ from .. import bus
 
 @functools.cache
 def ros_class(kind: type) -> type:
-    """ROS's own class of a message or service of msg.py.
-
-    Raises:
-        RosError: the package with its definition is not installed.
-    """
+    """ROS's own class of a message or service of msg.py, if its package is installed."""
     package, folder, name = bus.type_name(kind).split("/")
     try:
         return getattr(importlib.import_module(f"{package}.{folder}"), name)
@@ -30,11 +26,7 @@ def ros_class(kind: type) -> type:
 
 
 def to_ros(message, made=None):
-    """Make ROS's own message of one of msg.py, field by field; `made`: the object to fill.
-
-    Fields have the same names. Where their Python types differ, the fresh object's own value shows
-    which is wanted.
-    """
+    """Make ROS's own message of one of msg.py, field by field; `made`: the object to fill."""
     made = ros_class(type(message))() if made is None else made
     for field in dataclasses.fields(message):
         value, like = getattr(message, field.name), getattr(made, field.name)
@@ -43,6 +35,7 @@ def to_ros(message, made=None):
 
 
 def _encoded(value, like):
+    """Return a value in the type of a fresh object's."""
     if dataclasses.is_dataclass(value):
         return to_ros(value)
     if isinstance(like, array.array):  # uint8[]

@@ -21,7 +21,6 @@ _COMPARE = 2.0  # s, between two looks at what others publish and subscribe to
 # Looks in a row, 10 s: discovery takes up to 6 s on a busy computer (benchmarks/ros/kill.py).
 _DEAF = 5
 _logger = logging.getLogger("tactile_skin")
-_ONE = bus.QoSProfile(depth=1)
 
 
 class _RosClock:
@@ -119,14 +118,8 @@ class RosNode(bus.Node):
         self._kinds[name] = kind
         return _Publisher(inside, theirs)
 
-    def create_subscription(self, msg_type, topic: str, callback, qos_profile):
-        return self._hear(super().create_subscription(msg_type, topic, callback, qos_profile))
-
-    def create_tap(self, msg_type, topic: str, callback, qos_profile=_ONE):
-        return self._hear(super().create_tap(msg_type, topic, callback, qos_profile))
-
-    def create_mailbox(self, msg_type, topic: str, qos_profile):
-        return self._hear(super().create_mailbox(msg_type, topic, qos_profile))
+    def _added(self, subscription):
+        return self._hear(super()._added(subscription))
 
     def connect(self, *shared: str) -> None:
         """Take from ROS what no node of this process publishes.

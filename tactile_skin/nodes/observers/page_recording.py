@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import tempfile
 from pathlib import Path
 
@@ -61,15 +62,12 @@ class PageRecording:
         self._recorder.start()
         for topic, kind in cdr.new_topics(self.node, self._heard):
             if topic.startswith(self._here) or topic == "/diagnostics":
-                self.node.create_tap(kind, topic, self._taker(topic))
+                self.node.create_tap(kind, topic, functools.partial(self._take, topic))
         return True, "recording; press again to end it"
 
-    def _taker(self, topic: str):
-        def take(message) -> None:
-            if (recorder := self._recorder) is not None:
-                recorder.put(topic, self._now(), message)
-
-        return take
+    def _take(self, topic: str, message) -> None:
+        if (recorder := self._recorder) is not None:
+            recorder.put(topic, self._now(), message)
 
     def _now(self) -> int:
         return self.node.get_clock().now().nanoseconds

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import functools
+
 from ...middleware.config import declared
 from ...msg import Bool
 from ...parameters.nodes import Recorder as Parameters
@@ -55,19 +57,14 @@ class RecorderNode:
     def _listen(self) -> None:
         """Subscribe to the topics that are new."""
         for topic, kind in cdr.new_topics(self.node, self._heard):
-            self.node.create_tap(kind, topic, self._taker(topic))
+            self.node.create_tap(kind, topic, functools.partial(self._take, topic))
 
-    def _taker(self, topic: str):
-        is_stop = topic.endswith("/skin/stop")
-
-        def take(message) -> None:
-            t = self._now()
-            if self._recorder is not None:
-                self._recorder.put(topic, t, message)
-            if is_stop:
-                self._on_stop(topic, t, message)
-
-        return take
+    def _take(self, topic: str, message) -> None:
+        t = self._now()
+        if self._recorder is not None:
+            self._recorder.put(topic, t, message)
+        if topic.endswith("/skin/stop"):
+            self._on_stop(topic, t, message)
 
     def _on_stop(self, topic: str, t: int, message: Bool) -> None:
         """Keep a stop that begins; that of the start, or of the end, is no incident."""

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import threading
 import time
@@ -136,18 +137,16 @@ class ShownSkin:
             for topic, (kind, count) in readings.items()
         }
         for topic, (kind, qos) in others.items():
-            node.create_subscription(kind, f"{space}{topic}", self._taker(topic), qos)
+            take = functools.partial(self._take, topic)
+            node.create_subscription(kind, f"{space}{topic}", take, qos)
 
-    def _taker(self, topic: str):
-        def take(message) -> None:
-            self._collector.take(topic, message)
-            if topic == STOP:
-                self._stop_at = time.monotonic()
-                if self.page.watched:
-                    time.sleep(_AFTER)
-                    self.show()
-
-        return take
+    def _take(self, topic: str, message) -> None:
+        self._collector.take(topic, message)
+        if topic == STOP:
+            self._stop_at = time.monotonic()
+            if self.page.watched:
+                time.sleep(_AFTER)
+                self.show()
 
     def show(self) -> None:
         """Send what there is, unless it was sent just now."""
