@@ -129,13 +129,16 @@ OTHERS = {
     "unknown command": (["lunch"], "lunch"),
     "sim without link": (["sim"], "--link"),
     "unknown scene": (["sim", "--link", "x", "--scene", "waltz"], "scene 'waltz'"),
-    "no number": (["train", "--rate", "fast"], "'fast'"),
+    "rate": (["sim", "--link", "x", "--rate", "500"], "frames_per_second = 500.0"),
+    "noise": (["sim", "--link", "x", "--noise", "-1"], "noise = -1.0"),
+    "no number": (["sim", "--link", "x", "--rate", "fast"], "'fast'"),
     "sim's protocol": (["sim", "--link", "x", "--config", "morse.yaml"], "protocol 'morse'"),
     "firmware's protocol": (
         ["sim", "--link", "x", "--board", "firmware", "--config", "text.yaml"],
         "protocol 'text' is of the board `model`",
     ),
     "link in no folder": (["sim", "--link", "no/folder/skin"], "no/folder"),
+    "threads": (["train", "--threads", "0"], "--threads = 0"),
     "a bad training rate": (["train", "--rate", "0"], "rate = 0.0"),
 }
 

@@ -6,13 +6,14 @@ from __future__ import annotations
 import signal
 import sys
 import threading
+from collections.abc import Callable
 from pathlib import Path
 
-from ..middleware.config import read_skin
+from ..middleware.config import SkinConfig, read_skin
 from ..middleware.parameter_file import ParameterFile
 from ..middleware.processes import end_with_launcher
-from ..simulation import scenes, simulator
-from ..simulation.matrix import resting_curve
+from ..simulation import scenes
+from ..simulation.simulator import BAUD
 
 EXAMPLES = """\
 boards:
@@ -24,8 +25,6 @@ examples:
   tactile-skin sim --link /tmp/skin --board firmware
   tactile-skin sim --link /tmp/skin --config my_skin.yaml     # text, if that says so"""
 BOARDS = ("model", "firmware")
-_NOISE = 1.0  # ADC steps RMS of a sample on the simulated chip, as on the model
-_SEED = 0  # of the fabric, as the model's
 
 
 def register(parser) -> None:
@@ -44,10 +43,21 @@ def register(parser) -> None:
     parser.add_argument(
         "--config", type=Path, help="parameter file with circuit, curve and protocol"
     )
+    parser.add_argument(
+        "--noise", type=float, default=1.0, help="RMS of a sample, in ADC steps (default 1)"
+    )
+    parser.add_argument("--rate", type=float, default=100.0, help="frames a second (default 100)")
+    parser.add_argument(
+        "--baud", type=int, help="pace of the bytes (default: the parameter file's, 1000000)"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="of fabric and noise (default 0)")
 
 
 def run(args) -> int:
     """Serve the board until a signal asks for the end."""
+    for name, value, low in (("--baud", args.baud, 300), ("--seed", args.seed, 0)):
+        if value is not None and value < low:
+            raise ValueError(f"{name} = {value}: must be {low} or more")
     skin = read_skin(args.config)  # before signals are taken: a bad file ends it
     kind, baud = _line_of(args.config)
     done = threading.Event()
@@ -65,18 +75,10 @@ def run(args) -> int:
     def running() -> bool:
         return not done.is_set()
 
-    scene = scenes.script(args.scene, *skin.circuit.shape)
-    if args.board == "model":
-        board = simulator.Board(skin.circuit, skin.curve, scene, kind=kind, adc=skin.adc)
-        simulator.serve(board, args.link, running, baud, ready, args.once)
-        return 0
-    if kind != "binary":
-        raise ValueError(f"protocol {kind!r} is of the board `model`; the firmware sends binary")
-    from ..board.firmware import chip
-
-    with chip.Chip(skin.circuit, noise=_NOISE, adc=skin.adc) as simulated:
-        curve = resting_curve(skin.curve, skin.circuit.shape, _SEED)
-        chip.serve(simulated, curve, scene, args.link, running, ready, args.once)
+    if args.board == "firmware":
+        _serve_firmware(args, skin, kind, running, ready)
+    else:
+        _serve_model(args, skin, kind, args.baud or baud, running, ready)
     return 0
 
 
@@ -84,4 +86,27 @@ def _line_of(config) -> tuple[str, int]:
     """Return the protocol and the baud rate of a parameter file's serial_driver."""
     overrides = [] if config is None else ParameterFile(config).overrides("/serial_driver")
     given = {p.name: p.value for p in overrides}
-    return given.get("protocol", "binary"), given.get("baud", simulator.BAUD)
+    return given.get("protocol", "binary"), given.get("baud", BAUD)
+
+
+def _serve_model(args, skin: SkinConfig, kind: str, baud: int, running, ready) -> None:
+    from ..simulation import simulator
+
+    scene = scenes.script(args.scene, *skin.circuit.shape)
+    given = args.noise, args.rate, args.seed, kind, skin.adc
+    board = simulator.Board(skin.circuit, skin.curve, scene, *given)
+    simulator.serve(board, args.link, running, baud, ready, args.once)
+
+
+def _serve_firmware(args, skin: SkinConfig, kind: str, running: Callable[[], bool], ready) -> None:
+    from ..board.firmware import chip
+    from ..simulation.matrix import resting_curve
+
+    if args.rate != 100.0 or args.baud not in (None, BAUD):
+        raise ValueError("--rate and --baud are of the board `model`; the firmware has its own")
+    if kind != "binary":
+        raise ValueError(f"protocol {kind!r} is of the board `model`; the firmware sends binary")
+    scene = scenes.script(args.scene, *skin.circuit.shape)
+    with chip.Chip(skin.circuit, noise=args.noise, seed=args.seed + 1, adc=skin.adc) as simulated:
+        curve = resting_curve(skin.curve, skin.circuit.shape, args.seed)
+        chip.serve(simulated, curve, scene, args.link, running, ready, args.once)

@@ -34,6 +34,9 @@ def register(parser) -> None:
         "--out", type=Path, default=Path("weights"), help="folder (default weights)"
     )
     parser.add_argument("--restart", action="store_true", help="ignore the checkpoint in --out")
+    parser.add_argument(
+        "--threads", type=int, default=os.cpu_count(), help="of the processor (default: all)"
+    )
     about = {
         "pairs": "readings to learn from",
         "validation": "readings to pick the best epoch by",
@@ -62,13 +65,15 @@ def register(parser) -> None:
 def run(args) -> int:
     """Train, and say where the weights are; 1: the training died, and it was said why."""
     check_folder(args.out)
+    if args.threads < 1:
+        raise ValueError(f"--threads = {args.threads}: must be 1 or more")
     names = [item.name for item in dataclasses.fields(TrainingConfig)]
     config = TrainingConfig(**{name: getattr(args, name) for name in names})
     skin = read_skin(args.config)
     if config.start and config.start not in network.NETWORKS:
         network.load(config.start)
     torch, tqdm = extras.torch(), extras.tqdm()
-    torch.set_num_threads(os.cpu_count() or 1)
+    torch.set_num_threads(args.threads)
     from ..learning import training
 
     circuit, curve, go_on = skin.circuit, skin.curve.usual, not args.restart
