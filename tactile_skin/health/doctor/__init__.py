@@ -215,10 +215,8 @@ def ignored_diode(circuit: Circuit, rest: Rest, touches) -> Finding | None:
 
 def _touched(seen: Recorded, n: int) -> readout.Touched:
     """Return the untouched skin, and its n hardest touches, without lines that come and go."""
-    read = seen.read.copy()
-    for finding in readings.loose_lines(seen, set()):
-        for axis, line in damaged.whole_lines(finding):
-            seen.turned(axis, read)[line] = False
+    loose = [of for f in readings.loose_lines(seen, set()) for of in damaged.whole_lines(f)]
+    read = seen.without(seen.read, loose)
     at_rest = np.where(read, seen.base / seen.circuit.full_scale, np.nan)
     touches = np.where(read, touches_of(seen, n), np.nan)
     return readout.Touched(at_rest, seen.usual_noise, touches)
@@ -226,9 +224,7 @@ def _touched(seen: Recorded, n: int) -> readout.Touched:
 
 def _wires(seen: Recorded, unusable, found) -> tuple[wiring.Wires, np.ndarray, np.ndarray]:
     """Wires without the open ones, the resistance that is read at rest [ohm], and where."""
-    known = seen.read & (seen.base > 0.0)
-    for axis, line in unusable:
-        seen.turned(axis, known)[line] = False
+    known = seen.without(seen.read & (seen.base > 0.0), unusable)
     adc, cells = seen.base / seen.circuit.full_scale, known & seen.circuit.populated
     usual = usual_resistance(adc, cells, seen.circuit) if cells.any() else np.inf
     if not 0.0 < usual < np.inf:  # nothing conducts, or all of it as a wire

@@ -19,7 +19,7 @@ from ...physics.adc import Adc
 from ...solvers.suspect import BELOW_REST, LINE_OPEN
 from ..ceiling import Ceiling
 from ..check import Windows
-from .recorded import Recorded, loose
+from .recorded import Recorded
 
 SEVERAL = 30  # readings, of so many
 SEVERAL_CELLS = 3  # cells, that a bit or a ceiling takes: fewer are single cells' faults
@@ -99,9 +99,7 @@ def _leaping_bit(seen: Recorded) -> list[Finding]:
     width, to and fro. Means of n samples that leap from `low` to `high` have the variance
     (m - low) (high - m) / n where they lie at m; cells elsewhere do not leap.
     """
-    calm = seen.cells.copy()
-    for axis, line in _loose(seen) + _noisy_lines(seen):
-        seen.turned(axis, calm)[line] = False
+    calm = seen.without(seen.cells, seen.loose + _noisy_lines(seen))
     level, variance = seen.base[calm].astype(float), np.square(seen.noise[calm].astype(float))
     least = (1.0 - _EXPLAINED) * np.square(variance - variance.mean()).sum() if calm.any() else 0.0
     found = None
@@ -189,14 +187,13 @@ def _noise_limit(seen: Recorded) -> float:
 
 def open_lines(seen: Recorded, skip: set) -> list[Finding]:
     """Return lines of which no reading rises."""
-    loud = np.zeros(seen.base.shape, bool)  # a noisy line that crosses an open one reads noise
-    for axis, line in _noisy_lines(seen):
-        seen.turned(axis, loud)[line] = True
+    # a noisy line that crosses an open one reads noise
+    quiet = seen.without(np.ones(seen.base.shape, bool), _noisy_lines(seen))
     found = []
     for axis in (0, 1):
         base, read = seen.turned(axis, seen.base), seen.turned(axis, seen.read)
         every = seen.turned(axis, np.quantile(seen.steps, _TOUCHED_SELDOM, axis=0))
-        across = ~seen.turned(axis, loud)
+        across = seen.turned(axis, quiet).copy()
         across[~across.any(1)] = True
         high = np.where(across, every, 0.0).max(1)
         usual = float(np.median(base[base > 0])) if (base > 0).any() else 0.0
@@ -209,7 +206,7 @@ def open_lines(seen: Recorded, skip: set) -> list[Finding]:
 
 def loose_lines(seen: Recorded, skip: set) -> list[Finding]:
     """Return lines that are open in some frames."""
-    found = _loose(seen)
+    found = seen.loose
     if len(found) > _LOOSE * sum(seen.circuit.shape):
         return []
     shares = {line: float(seen.is_open(line[0])[:, line[1]].mean()) for line in found}
@@ -218,10 +215,6 @@ def loose_lines(seen: Recorded, skip: set) -> list[Finding]:
         for line, share in shares.items()
         if line not in skip
     ]
-
-
-def _loose(seen: Recorded) -> list[tuple[int, int]]:
-    return [(axis, int(k)) for axis in (0, 1) for k in np.flatnonzero(loose(seen.closed[axis]))]
 
 
 def _noisy_lines(seen: Recorded, skip=()) -> list[tuple[int, int]]:
@@ -234,10 +227,7 @@ def _noisy_lines(seen: Recorded, skip=()) -> list[tuple[int, int]]:
 
 def _noise(seen: Recorded, skip) -> np.ndarray:
     """(rows, cols) RMS of each reading [ADC steps], 0 on the lines (axis, line) of skip."""
-    noise = np.where(seen.read, seen.noise, 0.0)
-    for axis, line in skip:
-        seen.turned(axis, noise)[line] = 0.0
-    return noise
+    return seen.without(np.where(seen.read, seen.noise, 0.0), skip)
 
 
 def noisy(seen: Recorded, skip: set) -> list[Finding]:

@@ -74,6 +74,18 @@ class Recorded:
         """Return the picture (..., rows, cols) with the lines of an axis first of the last two."""
         return picture if axis == 0 else picture.swapaxes(-1, -2)
 
+    def without(self, picture: np.ndarray, lines) -> np.ndarray:
+        """Return a copy of a picture that is 0 on these lines (axis, line)."""
+        picture = picture.copy()
+        for axis, line in lines:
+            self.turned(axis, picture)[line] = 0
+        return picture
+
+    @property
+    def loose(self) -> list[tuple[int, int]]:
+        """(axis, line) of lines that are open in some frames and closed in others."""
+        return [(axis, int(k)) for axis in (0, 1) for k in np.flatnonzero(loose(self.closed[axis]))]
+
 
 def record(frames, circuit: Circuit, rest: Rest | None) -> Recorded:
     """Sum up the frames.

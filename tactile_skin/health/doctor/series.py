@@ -39,9 +39,7 @@ def in_series(seen: Recorded, skip, noisy, wires: wiring.Wires) -> list[Finding]
         skip: (axis, line) of lines whose readings are not used, nor are those of
         noisy: (row, column) of cells.
     """
-    circuit, unknown = seen.circuit, ~seen.read
-    for axis, line in skip:
-        seen.turned(axis, unknown)[line] = True
+    circuit, unknown = seen.circuit, ~seen.without(seen.read, skip)
     for at in noisy:
         unknown[at] = True
     sound = replace(wires, lead=[np.zeros(n) for n in circuit.shape])

@@ -10,7 +10,7 @@ from ...calibration.rest import NOISY, resting_conductance
 from ...findings.finding import Finding, Kind, at
 from .order import equal_lines
 from .readings import SEVERAL_CELLS
-from .recorded import Recorded, loose
+from .recorded import Recorded
 
 # A load that stands: cells that conduct so many times as much as the usual one, at least so many in
 # one piece of several rows and columns, and no more than this share of a line: that is a bad line.
@@ -21,17 +21,14 @@ _OF_A_LINE = 0.9
 
 def unrested(seen: Recorded) -> Finding | None:
     """Return that the calmest frames are none of an untouched skin; None: they may be."""
-    cells = seen.cells
-    for axis in (0, 1):
-        seen.turned(axis, cells)[loose(seen.closed[axis])] = False
+    cells = seen.without(seen.cells, seen.loose)
     # Noise changes as much from frame to frame as in all, and so does a bad contact.
     moving = cells & (seen.noise > NOISY * seen.flicker + 1.0)
     if np.count_nonzero(moving) >= SEVERAL_CELLS:
         numbers = {"count": np.count_nonzero(moving), "cells": np.count_nonzero(cells)}
         return Finding(Kind.TOO_LITTLE_SEEN, "moves", numbers=numbers)
-    for axis, *pair in equal_lines(seen, ()):  # touching stripes seem loaded
-        seen.turned(axis, cells)[pair] = False
-    standing = _standing(seen, cells)
+    alike = [(axis, k) for axis, *pair in equal_lines(seen, ()) for k in pair]
+    standing = _standing(seen, seen.without(cells, alike))  # touching stripes seem loaded
     if not standing.any():
         return None
     middle, numbers = at(np.argwhere(standing).mean(0)), {"count": np.count_nonzero(standing)}

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import brentq
 from scipy.special import ndtri
 
 from ...calibration.rest import UNLIKE
@@ -31,6 +32,7 @@ _OHM = 100.0  # ohm of a lead by which readings are tried
 _MISSING = 0.05  # share of its conductance up to which a resistor is missing
 _ROUNDS = 12  # in which the usual cell's resistance is found
 _MOST = 6  # damages that are looked for
+_OF_SIZE = 1e-6  # share to which a cell's conductance is found
 _TRIED = 4  # lines, and cells, that are looked at in each turn
 
 
@@ -282,30 +284,16 @@ class _Fit:
             yield damage._replace(gain=gain)
 
     def _size(self, damage: Damage) -> float:
-        """Return what a cell conducts, times the usual one, if it reads as it does.
+        """Return what a cell conducts at least, times the usual one, if it reads as it does."""
+        cell, most = (damage.line, damage.at), 10.0 * _SHORTED
 
-        One conductance of a network changes a voltage by s d / (1 + t d), where d is its change:
-        two others tell s and t.
-        """
-        row, col = damage.line, damage.at
-        g, most = self.wires.cells[row, col], 10.0 * _SHORTED
-        others = np.array([0.5 * g, 2.0 * g])
-        ohm = [self.wires.with_one(damage._replace(size=x)).resistance()[row, col] for x in others]
-        now, first, second, wanted = self.wires.circuit.ratio(
-            np.array([self.model[row, col], *ohm, self.measured[row, col]])
-        )
-        d = others - g
-        one, two = (first - now) / d[0], (second - now) / d[1]
-        if one == two == 0.0:  # it changes nothing
-            return g
-        below = two * d[1] - one * d[0]
-        if below == 0.0:  # a voltage that is proportional to it
-            return most
-        t = (one - two) / below
-        s = one * (1.0 + t * d[0])
-        rise = wanted - now
-        left = s - t * rise
-        return min(max(g + rise / left, 0.0), most) if left > 0.0 else most
+        def off(size: float) -> float:
+            read = self.wires.with_one(damage._replace(size=size)).resistance()
+            return float(np.log(read[cell] / self.measured[cell])) - _OF_SIZE
+
+        if off(0.0) <= 0.0:
+            return 0.0
+        return float(brentq(off, 0.0, most, rtol=_OF_SIZE)) if off(most) < 0.0 else most
 
     def _around(self, off: np.ndarray, row: int, col: int) -> float:
         """chi^2 of a cell's row and column."""
