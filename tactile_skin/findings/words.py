@@ -7,7 +7,6 @@ The order of its lines is the one in which findings are said. docs/troubleshooti
 from __future__ import annotations
 
 import csv
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -15,9 +14,6 @@ if TYPE_CHECKING:
     from .finding import Finding
 
 _NAMED = 4  # lines, or cells, that are named one by one
-_FIELD = re.compile(r"\{(\w+)[^}]*\}")
-_EXAMPLES = {"at": "row 2", "line": "row", "across": "column", "bits": "bit 1", "detail": "..."}
-_EXAMPLES |= {"settings": "..."}
 
 
 class Words(NamedTuple):
@@ -92,20 +88,3 @@ def _bits(lines: tuple[int, ...]) -> str:
     """Return which address bits: lines that differ in one of them only are the first and 2^bit."""
     bits = [str(k.bit_length() - 1) for k in lines[1:]]
     return f"bit{'s' if bits[1:] else ''} {_list(bits)}"
-
-
-def table() -> str:
-    """Return all words as a table of Markdown, for docs/troubleshooting.md."""
-    remedies: dict[str, list[str]] = {}
-    for where, evidence, remedy in WORDS.values():
-        said = f"{where}: {evidence}" if where else evidence
-        if said == "{detail}":  # all of it is worked out elsewhere
-            continue
-        remedies.setdefault(_example(said), []).append(_example(remedy))
-    rows = [f"| `{said}` | {' Or: '.join(dict.fromkeys(of))} |" for said, of in remedies.items()]
-    return "\n".join(["| what is said | what to do |", "|---|---|", *rows])
-
-
-def _example(template: str) -> str:
-    """Return a template with examples of places, and N for each number."""
-    return _FIELD.sub(lambda field: _EXAMPLES.get(field[1], "N"), template)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A check is added in some lines, and said by the live skin, the page, the doctor and docs."""
+"""A check is added in some lines, and said by the live skin, the page and the doctor."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from support.damaged import Case
 
 from tactile_skin import diagnose
 from tactile_skin.findings.finding import Finding, Kind, at
-from tactile_skin.findings.words import WORDS, Words, table
+from tactile_skin.findings.words import WORDS, Words
 from tactile_skin.health import monitor
 from tactile_skin.health.doctor import damaged
 from tactile_skin.middleware.bus import Context, ManualClock, Node
@@ -53,4 +53,3 @@ def test_it_is_said_everywhere(added):
     assert (marked["rows"], marked["cols"]) == ([1], [2])
     case = Case(7, (), 40.0, shape=(8, 8))
     assert [str(f) for f in diagnose(case.frames, case.circuit, series=False)] == [f"{SAID}."]
-    assert "| `row 2: is new` | Look there |" in table()
