@@ -66,17 +66,7 @@ BESIDE_THE_REST = {Kind.NO_PICTURE, Kind.MISFIT, Kind.CIRCUIT, Kind.ALL_CELLS}
 
 @dataclass(frozen=True)
 class Finding:
-    """Two findings are equal if they are of one cause, whatever their numbers are by now.
-
-    Attributes:
-        kind: what is wrong.
-        form: how it shows; kind and form have their words in words.csv.
-        severity: what it does to the robot.
-        rows, cols: that it is about; one of each: their crossing.
-        numbers: name -> value that its words mention.
-        detail: a part of its words that somebody else worked out, as an error's text.
-        change: what to enter, where the frames leave no other explanation; None: nothing.
-    """
+    """Two findings are equal if they are of one cause, whatever their numbers are by now."""
 
     kind: Kind
     form: str = ""

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Says findings: words.csv holds all words, where each is, what shows it and what to do.
-
-The order of its lines is the one in which findings are said. docs/troubleshooting.md is made of it.
-"""
+"""Says findings by words.csv, whose lines stand in the order in which findings are said."""
 
 from __future__ import annotations
 
@@ -42,11 +39,7 @@ def _key(finding: Finding) -> tuple[str, str]:
 
 
 def of(finding: Finding) -> Words:
-    """Return the words of a finding's kind and form.
-
-    Raises:
-        KeyError: there are none.
-    """
+    """Return the words of a finding's kind and form; KeyError: there are none."""
     return WORDS[_key(finding)]
 
 

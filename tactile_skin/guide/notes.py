@@ -21,12 +21,7 @@ _LOW = 0.3
 def notes(
     found: Sequence[Finding], frames: np.ndarray, circuit: Circuit, rest: Rest | None = None
 ) -> list[str]:
-    """Return what the frames cannot show, or do not.
-
-    Args:
-        found: what was found.
-        frames: (n, rows, cols) ADC ratio, NaN where a crossing was not read.
-    """
+    """Return what the frames (n, rows, cols) [ADC ratio; NaN: not read] cannot show, or do not."""
     seen = record(frames, circuit, rest)
     said = [] if found else [f"nothing found. {_unseen(seen)}"]
     if (touches := len(seen.touches)) < FEW_TOUCHES:

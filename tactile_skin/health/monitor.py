@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is watched on one running skin: each check takes each frame, and says what it finds.
-
-To add a check takes a class (check.py), a line in `CHECKS`, a kind in finding.py and its words in
-words.csv.
-"""
+"""What is watched on one running skin: each check takes each frame, and says what it finds."""
 
 from __future__ import annotations
 
@@ -26,18 +22,10 @@ CHECKS: list[type[Check]] = [Sent, RestPicture, Ceiling, Untouched, OddCells, Lo
 
 
 class Monitor:
-    """Follows one skin; all times are of one clock [s].
-
-    Attributes:
-        doubtful: whether so many frames are in doubt, or were under a touch, that it is a fault.
-    """
+    """Follows one skin; all times are of one clock [s]."""
 
     def __init__(self, adc: Adc, threshold: float):
-        """Watch a skin that is read by this converter.
-
-        Args:
-        adc, threshold: as of `Check`.
-        """
+        """Watch a skin, with what `Check` takes."""
         self._adc, self._threshold = adc, threshold
         self._windows = Windows(adc.circuit.adc_bits)
         self._why = ""
@@ -66,12 +54,7 @@ class Monitor:
             check.forget()
 
     def frame(self, t, samples, adc, estimate: Estimate, *, judged, stirs, rest, noise) -> None:
-        """Take a frame.
-
-        Args:
-            judged: whether its status says anything of the circuit.
-            others as of `Seen`.
-        """
+        """Take a frame, as `Seen` has it; `judged`: its status says something of the circuit."""
         suspect = estimate.status == "suspect"
         if suspect or judged:
             touched = bool(estimate.force.max() >= TOUCHED)
@@ -84,12 +67,7 @@ class Monitor:
             check.frame(seen)
 
     def misfit(self, finding: Finding | None, *, past: bool = True) -> list[Finding]:
-        """Return the doubt of the frames; a fault if it lasts.
-
-        Args:
-            finding: of the last frame; None: it is not in doubt.
-            past: with doubts that the last frame no longer shows.
-        """
+        """Return the doubt of the last frame, or of `past` ones; a fault if it lasts."""
         severity = Severity.FAULT if self.doubtful else Severity.WARN
         if finding:
             return [replace(finding, severity=severity)]

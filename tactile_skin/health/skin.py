@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """One running skin: what is known of it by now, the picture of each frame, and what is wrong.
 
-A frame is fitted with the rest and the circuit that the frames before it told; what it tells itself
-counts from the next one on.
+A frame is fitted with the rest and the circuit that the frames before it told.
 """
 
 from __future__ import annotations
@@ -87,7 +86,7 @@ class Skin:
         floor, ceiling = adc.range
         self._threshold, self._floor = threshold, max(threshold, floor)
         self._bounds = {"threshold": self._floor, "ceiling": ceiling, "missing": True}
-        self._common = {"noise": noise}
+        self._noise = noise
         self._time_limit, self._interval, self._at = time_limit, 0.0, np.nan  # s; of the last frame
         self._standing = Standing(creep, curve) if creep.share else None
         self._tare = Tare(self.circuit, curve)
@@ -106,14 +105,10 @@ class Skin:
         self.fitted = True
 
     def use(self, method: str) -> None:
-        """Another method from the next frame on.
-
-        Raises:
-            ValueError: there is none of this name, or its weights do not fit the circuit.
-        """
+        """Use another method from now on; ValueError: there is none, or it does not fit."""
         if method not in METHODS:
             raise ValueError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
-        given = self._common | {"weights": self._weights if method in _LEARNED else None}
+        given = {"noise": self._noise, "weights": self._weights if method in _LEARNED else None}
         given |= self._bounds if method in _BOUNDED else {"threshold": self._threshold}
         # Loads the weights, and says here, not at a frame, that they do not fit.
         flat = np.full(self.circuit.shape, 0.05)
@@ -189,19 +184,12 @@ class Skin:
         self.status, self.message, self._doubt = "failed", why, None
 
     def _compensate(self, adc: np.ndarray, hurry: bool) -> Estimate:
-        given = self._given | {"hurry": hurry}
-        if given["noise"] is None and self._tare.noise is not None:
-            given = given | {"noise": max(self._tare.noise, ROUNDING_NOISE)}
+        given = self._given | {"hurry": hurry, "start": self._last}
+        if self._noise is None and self._tare.noise is not None:
+            given["noise"] = max(self._tare.noise, ROUNDING_NOISE)
         limit = self._time_limit or min(max(_FRAMES * self._interval, _SHORTEST), _LONGEST)
-        return compensate(
-            adc,
-            self.circuit,
-            self._tare.curve,
-            self._method,
-            start=self._last,
-            time_limit=limit,
-            **given,
-        )
+        curve = self._tare.curve
+        return compensate(adc, self.circuit, curve, self._method, time_limit=limit, **given)
 
     def _rest(self, t: float, adc: np.ndarray, estimate: Estimate) -> None:
         if self._floor:  # what is not told is no rest
@@ -265,11 +253,7 @@ class Skin:
         return unseen or self._monitor.doubtful or any(f.stops for f in self.findings())
 
     def findings(self, *, past: bool = True) -> list[Finding]:
-        """Return all that is wrong, the worst first.
-
-        Args:
-            past: with faults that the last frame no longer shows.
-        """
+        """Return all that is wrong, the worst first; `past`: in earlier frames, too."""
         if self.status == "failed":
             frame = [Finding(Kind.NO_PICTURE, severity=Severity.FAULT, detail=self.message)]
         else:

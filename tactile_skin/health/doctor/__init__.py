@@ -1,20 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is wrong with a board, from a recording of its ordinary use: which wire, which cell.
 
-recorded.py   rest, noise and touches of the recording
-sent.py       whether it holds what an ADC reads, of a matrix
-unrested.py   whether it shows the skin at rest
-readout.py    another readout than the configured one
-readings.py   faults of single readings: bits, ceiling, noise, open and loose lines
-order.py      lines that read alike, lines in the wrong order
-wiring.py     damage of wires and cells that explains the rest; damaged.py: their findings
-series.py     r_par, r_line, r_drive by the touches
-diode.py      diodes in the driven lines of a loaded matrix
-converter.py  an ADC that is not linear
-advice.py     what to enter, tried on the frames before it is proposed
-
 What the readings cannot tell is not guessed: two boards that read alike get the same finding, which
-then names both.
+then names both. advice.py tries what is proposed on the frames.
 """
 
 from __future__ import annotations
@@ -142,7 +130,8 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
         return found
     try:
         alike = order.equal_lines(seen, unusable)
-        wires, pairs = _joined(seen, wires, rho, known, alike, found)
+        wires, known = _joined(seen, wires, rho, known, alike, found)
+        pairs = {(axis, b) for axis, _, b in alike}
         damages, wires = wiring.search(circuit, rho, known, wires)
     except np.linalg.LinAlgError:  # whatever the cells, this circuit does not read so
         return found or unexplained
@@ -237,12 +226,11 @@ def _wires(seen: Recorded, unusable, found) -> tuple[wiring.Wires, np.ndarray, n
 
 
 def _joined(seen: Recorded, wires: wiring.Wires, rho, known, pairs, found: list):
-    """Return the wires with lines that read alike, and (axis, line) of one of each pair.
+    """Return the wires with lines that read alike, and where one of each pair is left.
 
     Two stripes that touch, and one that is read by two addresses, conduct otherwise at rest.
     """
     wires, alone, log = wires.fitted(rho, known)
-    taken = set()
     doubled: dict[int, list[tuple[int, int]]] = {0: [], 1: []}
     for axis, a, b in pairs:
         read = seen.turned(axis, known)[a]
@@ -260,8 +248,7 @@ def _joined(seen: Recorded, wires: wiring.Wires, rho, known, pairs, found: list)
         else:
             wires = twice
             doubled[axis].append((a, b))
-        taken.add((axis, b))
-        seen.turned(axis, known)[b] = False
+        known = seen.without(known, [(axis, b)])
     for axis in (0, 1):
         found += damaged.doubled(axis, seen.circuit.shape[axis], doubled[axis])
-    return wires, taken
+    return wires, known

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Findings of damaged wires and cells.
 
-A check of a recording is a function in `CHECKS`: what is recorded, and (axis, line) of lines that
-earlier ones found unusable -> findings. Its words stand in findings/words.csv.
+A check is a function in `CHECKS`: what is recorded, and (axis, line) of lines that earlier ones
+found unusable -> findings.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def damage(circuit: Circuit, damage: Damage, cell: float, ends: bool = False) ->
 
     Args:
         cell: resistance of an untouched cell [ohm].
-        ends: whether the cell's reading is at the ceiling, so that it may conduct more.
+        ends: whether the cell's reading is at the ceiling.
     """
     if damage.kind == "cell":
         return _cell(circuit, damage, cell, ends)

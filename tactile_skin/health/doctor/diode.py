@@ -48,11 +48,7 @@ class _Agreement(NamedTuple):
 
 
 def unknown_diode(circuit: Circuit, seen: Touched, quiet: int) -> list[Finding]:
-    """Return the diode with which touches of a loaded matrix agree; none if they agree as it is.
-
-    Args:
-        quiet: frames that the rest is the mean of.
-    """
+    """Return the diode with which a loaded matrix's touches agree; none if they agree as it is."""
     if circuit.readout != "loaded" or not len(seen.touches):
         return []
     by_r_par = _with_r_par(circuit, seen, quiet)

@@ -81,10 +81,7 @@ def misplaced(seen: Recorded, skip, cells=(), pressed=()) -> list[Finding]:
 
 
 def _pictures(seen: Recorded) -> np.ndarray:
-    """(touches, rows, cols) of sum 1: the root of what each touch adds to the cells' conductance.
-
-    It is not that of the circuit's inverse, but near enough.
-    """
+    """(touches, rows, cols) of sum 1: the root of what a touch adds to the conductance, nearly."""
     circuit, full = seen.circuit, seen.circuit.full_scale
     base = circuit.two_terminal(np.maximum(seen.base, 1.0) / full) + 1.0
     steps = np.maximum(seen.steps[seen.touches], 1.0)
@@ -102,10 +99,7 @@ def _one_late(pictures: np.ndarray) -> Vote | None:
 
 
 def transposed(seen: Recorded) -> Vote | None:
-    """Return the touches' vote if the samples' rows and columns are exchanged; None: they are not.
-
-    On a square skin that is another touch's picture, and no reading tells.
-    """
+    """Return the vote for rows and columns exchanged; on a square skin no reading tells."""
     rows, cols = seen.circuit.shape
     if rows == cols or min(rows, cols) == 1 or not seen.circuit.populated.all():
         return None

@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Faults of single readings: bits that never change, a ceiling, noise, lines that read nothing.
-
-A check of a recording takes what is recorded, and (axis, line) of lines that earlier ones found
-unusable; it returns findings.
-"""
+"""Faults of single readings: bits that never change, a ceiling, noise, lines that read nothing."""
 
 from __future__ import annotations
 
@@ -46,11 +42,7 @@ _LOOSE = 0.25  # of all lines at most come and go: more are touches on a skin th
 
 
 def wrong_bits(seen: Recorded, top: tuple[float, Finding] | None) -> list[Finding]:
-    """Return bits of the ADC that never change: by the readings that lack, or by noise at rest.
-
-    Args:
-        top: the recording's `ceiling`.
-    """
+    """Return bits of the ADC that never change: by the readings that lack, or by noise at rest."""
     return _stuck_bits(seen, top) or _leaping_bit(seen)
 
 
@@ -146,11 +138,7 @@ def _moved(steps: np.ndarray, base: np.ndarray, rest: int, bits: int) -> np.ndar
 
 
 def _gaps(moved: np.ndarray, bit: int) -> list[_Gap]:
-    """Return the gap of a bit that is always 0, and of one that is always 1.
-
-    Args:
-        moved: how many readings there are at each step.
-    """
+    """Return the gap of a bit that is always 0, and of one that is always 1, by `_moved`."""
     margin = min((1 << bit) // 4, 4)  # noise at a block's ends
     each = moved.reshape(-1, 1 << bit)[:, margin : (1 << bit) - margin].sum(1)
     found = []
@@ -164,10 +152,7 @@ def _gaps(moved: np.ndarray, bit: int) -> list[_Gap]:
 
 
 def ceiling(seen: Recorded) -> tuple[float, Finding] | None:
-    """Return the height where readings end that should rise further [ADC steps], and the finding.
-
-    As a running skin sees it. None: there is none.
-    """
+    """Return the height where readings end [ADC steps], as `Ceiling` sees it, and the finding."""
     bits = seen.circuit.adc_bits
     watch, windows = Ceiling(Adc(seen.circuit)), Windows(bits)
     calm = seen.read & (seen.noise < _noise_limit(seen))  # others have more noise on top

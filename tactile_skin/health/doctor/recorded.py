@@ -88,11 +88,7 @@ class Recorded:
 
 
 def record(frames, circuit: Circuit, rest: Rest | None) -> Recorded:
-    """Sum up the frames.
-
-    Raises:
-        ValueError: another shape, values outside [0, 1], fewer than 20 frames, or none was read.
-    """
+    """Sum up the frames; ValueError: they are none of this circuit, too few, or none was read."""
     frames = check_frames(frames, circuit)
     if len(frames) < _FEWEST:
         raise ValueError(f"{len(frames)} frames: give {_FEWEST} or more, of about a minute of use")

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which damage of wires and cells explains what an untouched skin reads.
 
-The fabric's cells are alike but for their scatter. A model of the wiring with equal cells is
-compared with the readings; the one damage that explains most of the difference is added to it, and
-the search goes on with what is left, until nothing exceeds the scatter.
+A model of the wiring with equal cells is compared with the readings; the one damage that explains
+most of the difference is added to it, until what is left is the fabric's scatter.
 """
 
 from __future__ import annotations
@@ -99,10 +98,7 @@ class Wires:
         return replace(self, reads=reads)
 
     def resistance(self) -> np.ndarray:
-        """Return (rows, cols) [ohm] that a divider of r_ref and r_par would read so.
-
-        It is the two-terminal resistance of a floating matrix.
-        """
+        """Return (rows, cols) [ohm] that a divider of r_ref and r_par would read so."""
         rows, cols = self.cells.shape
         indices = np.indices(self.cells.shape)
         nodes = rows + cols
@@ -129,9 +125,6 @@ class Wires:
     def fitted(self, rho: np.ndarray, known: np.ndarray) -> tuple[Wires, np.ndarray, np.ndarray]:
         """Return the same with the resistance of the usual cell that the readings give.
 
-        Args:
-            rho, known: as for `search`.
-
         Returns:
             It, its resistance() and (rows, cols) log of what is read over that, NaN: not known.
         """
@@ -152,15 +145,12 @@ def measured_resistance(circuit: Circuit, adc: np.ndarray) -> np.ndarray:
 
 
 def search(circuit: Circuit, rho: np.ndarray, known: np.ndarray, wires: Wires):
-    """Return the damages that explain a rest.
+    """Return the damages that explain a rest, and the wiring with them.
 
     Args:
         rho: (rows, cols) resistance that was measured, as `measured_resistance` [ohm].
         known: (rows, cols) bool, where it was.
         wires: what is known of the wiring.
-
-    Returns:
-        The list of damages, and the wiring with them.
     """
     found: list[Damage] = []
     while True:
