@@ -11,7 +11,7 @@ from pathlib import Path
 import tactile_skin
 from tactile_skin import launch, msg
 from tactile_skin.cli import COMMANDS, make_parser
-from tactile_skin.findings.words import WORDS
+from tactile_skin.findings.finding import WORDS
 from tactile_skin.middleware.bus import Context, DurabilityPolicy, Node, Parameter
 from tactile_skin.ros import PARTS
 

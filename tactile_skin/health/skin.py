@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -108,7 +109,8 @@ class Skin:
         """Use another method from now on; ValueError: there is none, or it does not fit."""
         if method not in METHODS:
             raise ValueError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
-        given = {"noise": self._noise, "weights": self._weights if method in _LEARNED else None}
+        weights = self._weights if method in _LEARNED else None
+        given: dict[str, Any] = {"noise": self._noise, "weights": weights}
         given |= self._bounds if method in _BOUNDED else {"threshold": self._threshold}
         # Loads the weights, and says here, not at a frame, that they do not fit.
         flat = np.full(self.circuit.shape, 0.05)

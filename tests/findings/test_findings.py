@@ -5,8 +5,7 @@ import string
 
 import pytest
 
-from tactile_skin.findings.finding import Finding, Kind, Severity, at, lines
-from tactile_skin.findings.words import WORDS, place
+from tactile_skin.findings.finding import WORDS, Finding, Kind, Severity, at, lines, place
 
 GIVEN = {"at", "line", "across", "bits", "detail"}  # by the finding itself
 

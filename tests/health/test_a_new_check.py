@@ -6,8 +6,7 @@ import pytest
 from support.damaged import Case
 
 from tactile_skin import diagnose
-from tactile_skin.findings.finding import Finding, Kind, at
-from tactile_skin.findings.words import WORDS, Words
+from tactile_skin.findings.finding import WORDS, Finding, Kind, Words, at
 from tactile_skin.health import monitor
 from tactile_skin.health.doctor import damaged
 from tactile_skin.middleware.bus import Context, ManualClock, Node

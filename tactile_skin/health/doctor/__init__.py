@@ -16,12 +16,11 @@ from ...findings.finding import Finding, Kind, lines
 from ...physics.circuit import Circuit
 from ...physics.readouts import DRIVEN
 from ...solvers.reading import ROUNDING_NOISE
-from . import converter, damaged, order, readings, readout, sent, wiring
+from . import damaged, order, readings, readout, usable, wiring
 from .advice import HARDEST, Change, is_safe
-from .diode import unknown_diode
+from .converter import other_adc, unknown_diode
 from .recorded import FEW_TOUCHES, Recorded, record
 from .series import in_series, touches_of
-from .unrested import unrested
 
 # Where no circuit decides, readings are upside down if so much of all change is a fall, and no more
 # the other way round than is left: on sound boards hardly any change is one.
@@ -58,12 +57,13 @@ def diagnose(
     """
     frames = np.asarray(frames)
     seen = record(frames, circuit, rest)
-    if finding := sent.processed(seen):
+    if finding := usable.processed(seen):
         return [finding]
-    finding = unrested(seen) if rest is None else None
-    if finding and not (sent.at_an_end(seen) or readings.wrong_bits(seen, readings.ceiling(seen))):
+    finding = usable.unrested(seen) if rest is None else None
+    wrong = usable.at_an_end(seen) or readings.wrong_bits(seen, readings.ceiling(seen))
+    if finding and not wrong:
         turned = record(1.0 - frames, circuit, None)  # upside down, the calmest are the hardest
-        return (not unrested(turned) and _upside_down(seen, turned, inverted)) or [finding]
+        return (not usable.unrested(turned) and _upside_down(seen, turned, inverted)) or [finding]
     found = _diagnose(seen, series)
     sound = not found and len(seen.touches)
     if sound and (seen.fell < 1.0 - _FALLS or _fits(circuit, seen)):
@@ -100,7 +100,7 @@ def _upside_down(seen: Recorded, turned: Recorded, inverted: bool) -> list[Findi
 def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
     """Judge readings that are not upside down."""
     circuit = seen.circuit
-    if finding := sent.one_voltage(seen) or sent.at_an_end(seen):
+    if finding := usable.one_voltage(seen) or usable.at_an_end(seen):
         return [finding]
     touched = _touched(seen, HARDEST if series else _FEW)
     fitting = readout.other(circuit, touched)
@@ -163,7 +163,7 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
     if not (unread or np.isfinite(height) or wires.cells.max() > REST_SPAN):
         skip = unusable | beside | {at for f in noisy for at in damaged.whole_lines(f)}
         found += in_series(seen, skip, quiet, wires)
-    return found or converter.other(circuit, touched) or unexplained
+    return found or other_adc(circuit, touched) or unexplained
 
 
 def _other_way(seen: Recorded, touched: readout.Touched) -> Change | None:

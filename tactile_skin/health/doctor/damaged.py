@@ -12,8 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ...calibration.at_rest import address_bits
-from ...findings.finding import Finding, Kind, at, lines
-from ...findings.words import place
+from ...findings.finding import Finding, Kind, at, lines, place
 from ...physics.circuit import Circuit
 from . import readings
 from .recorded import Recorded

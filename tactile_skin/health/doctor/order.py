@@ -93,7 +93,8 @@ def _pictures(seen: Recorded) -> np.ndarray:
 
 def _one_late(pictures: np.ndarray) -> Vote | None:
     """All samples one place late: the first column holds the last one's, a row further down."""
-    moved = np.roll(pictures.reshape(len(pictures), -1), -1, axis=1).reshape(pictures.shape)
+    _, rows, cols = pictures.shape
+    moved = np.roll(pictures.reshape(-1, rows * cols), -1, axis=1).reshape(pictures.shape)
     now, other = (_variation(p.swapaxes(1, 2)) for p in (pictures, moved))
     return _only(now, other)
 
