@@ -179,6 +179,13 @@ def lines(axis: int, *of: int) -> Where:
     return {"cols": found} if axis else {"rows": found}
 
 
+def whole_lines(finding: Finding) -> set[tuple[int, int]]:
+    """Return (axis, line) of each line that a finding is about; none if it is about a cell."""
+    if finding.rows and finding.cols:
+        return set()
+    return {(0, k) for k in finding.rows} | {(1, k) for k in finding.cols}
+
+
 def place(rows: tuple[int, ...], cols: tuple[int, ...]) -> str:
     """Return the name of lines, or of cells if there are as many rows as columns."""
     if rows and cols:

@@ -8,7 +8,7 @@ from support.damaged import Case
 from tactile_skin import diagnose
 from tactile_skin.findings.finding import WORDS, Finding, Kind, Words, at
 from tactile_skin.health import monitor
-from tactile_skin.health.doctor import damaged
+from tactile_skin.health.doctor import readings
 from tactile_skin.middleware.bus import Context, ManualClock, Node
 from tactile_skin.msg import Header, Time, image
 from tactile_skin.nodes import diagnostics
@@ -33,8 +33,8 @@ class Corner:
 @pytest.fixture
 def added(monkeypatch):
     monkeypatch.setattr(monitor, "CHECKS", [*monitor.CHECKS, Corner])
-    new = [*damaged.CHECKS, lambda seen, skip: Corner(None, 0).findings()]
-    monkeypatch.setattr(damaged, "CHECKS", new)
+    new = [*readings.CHECKS, lambda seen, skip: Corner(None, 0).findings()]
+    monkeypatch.setattr(readings, "CHECKS", new)
     monkeypatch.setitem(WORDS, ("contact", "new"), Words("{at}", "is new", "Look there"))
 
 

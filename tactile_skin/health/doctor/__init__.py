@@ -12,11 +12,11 @@ from dataclasses import replace
 import numpy as np
 
 from ...calibration.rest import REST_SPAN, Rest, usual_resistance
-from ...findings.finding import Finding, Kind, lines
+from ...findings.finding import Finding, Kind, lines, whole_lines
 from ...physics.circuit import Circuit
 from ...physics.readouts import DRIVEN
 from ...solvers.reading import ROUNDING_NOISE
-from . import damaged, order, readings, readout, usable, wiring
+from . import order, readings, readout, usable, wiring
 from .advice import HARDEST, Change, is_safe
 from .converter import other_adc, unknown_diode
 from .recorded import FEW_TOUCHES, Recorded, record
@@ -120,10 +120,10 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
     unexplained = [fitting.finding(circuit)] if fitting else []
     height, *found = top or (np.inf,)
     unusable: set[tuple[int, int]] = set()  # (axis, line) whose readings say nothing of the fabric
-    for check in damaged.CHECKS:
+    for check in readings.CHECKS:
         new = check(seen, unusable)
         found += new
-        unusable |= {at for f in new if f.kind is not Kind.NOISY for at in damaged.whole_lines(f)}
+        unusable |= {at for f in new if f.kind is not Kind.NOISY for at in whole_lines(f)}
     noisy = [f for f in found if f.kind is Kind.NOISY]
     wires, rho, known = _wires(seen, unusable, found)
     if not known.any():
@@ -145,7 +145,7 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
     for d in damages:
         cell = (d.line, d.at) if d.kind == "cell" else None
         if cell not in quiet:
-            found.append(damaged.damage(circuit, d, wires.cell, bool(cell and ends[cell])))
+            found.append(wiring.finding_of(circuit, d, wires.cell, bool(cell and ends[cell])))
     odd = {(d.axis, d.line) for d in damages if d.kind != "cell"}
     pressed = {(d.line, d.at) for d in damages if d.kind == "cell" and d.size > 1.0}
     if np.isfinite(height):  # beside such a cell, touches that end there are all alike
@@ -161,7 +161,7 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
     if circuit.readout == "loaded":  # so with a sense line that leads to ground by other than r_ref
         unread = unread or any(axis != circuit.sense_axis for axis, _ in unusable | beside)
     if not (unread or np.isfinite(height) or wires.cells.max() > REST_SPAN):
-        skip = unusable | beside | {at for f in noisy for at in damaged.whole_lines(f)}
+        skip = unusable | beside | {at for f in noisy for at in whole_lines(f)}
         found += in_series(seen, skip, quiet, wires)
     return found or other_adc(circuit, touched) or unexplained
 
@@ -204,7 +204,7 @@ def ignored_diode(circuit: Circuit, rest: Rest, touches) -> Finding | None:
 
 def _touched(seen: Recorded, n: int) -> readout.Touched:
     """Return the untouched skin, and its n hardest touches, without lines that come and go."""
-    loose = [of for f in readings.loose_lines(seen, set()) for of in damaged.whole_lines(f)]
+    loose = [of for f in readings.loose_lines(seen, set()) for of in whole_lines(f)]
     read = seen.without(seen.read, loose)
     at_rest = np.where(read, seen.base / seen.circuit.full_scale, np.nan)
     touches = np.where(read, touches_of(seen, n), np.nan)
@@ -220,7 +220,7 @@ def _wires(seen: Recorded, unusable, found) -> tuple[wiring.Wires, np.ndarray, n
         known = np.zeros_like(known)
     wires = wiring.Wires.sound(seen.circuit, usual)
     for f in found:
-        for axis, line in damaged.whole_lines(f) if f.kind is Kind.OPEN else ():
+        for axis, line in whole_lines(f) if f.kind is Kind.OPEN else ():
             wires = wires.reading(axis, line, -1)
     return wires, wiring.measured_resistance(seen.circuit, adc), known
 
@@ -250,5 +250,5 @@ def _joined(seen: Recorded, wires: wiring.Wires, rho, known, pairs, found: list)
             doubled[axis].append((a, b))
         known = seen.without(known, [(axis, b)])
     for axis in (0, 1):
-        found += damaged.doubled(axis, seen.circuit.shape[axis], doubled[axis])
+        found += wiring.doubled(axis, seen.circuit.shape[axis], doubled[axis])
     return wires, known

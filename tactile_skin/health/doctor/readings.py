@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -63,19 +64,19 @@ def _stuck_bits(seen: Recorded, top: tuple[float, Finding] | None) -> list[Findi
     found, bits = [], seen.circuit.adc_bits
     # Where other cells lower readings, as on a grounded matrix, few reach the top bit, but some do.
     lacking = not (every > (1 << bits - 1) + width).any()  # the top bit, throughout
-    histograms: dict[int, list[np.ndarray]] = {}  # of high bits they are the same
+
+    @cache
+    def histograms(rest: int) -> list[np.ndarray]:  # of high bits they are the same
+        return [_moved(s, base, rest, bits) for s in (every, new, standing)]
+
     for bit in range(_LOWEST_BIT, bits):
         low = bit <= _HIGHEST_LOW_BIT
         below = (new < (1 << bit) - width).mean() > _EMPTY
-        rest = _rest_of(bit)
-        if rest not in histograms:
-            histograms[rest] = [_moved(s, base, rest, bits) for s in (every, new, standing)]
-        all_moved, new_moved, standing_moved = histograms[rest]
-        still_moved = all_moved if low else standing_moved
-        of = [_gaps(moved, bit) for moved in (all_moved, new_moved, still_moved)]
+        of = [_gaps(moved, bit) for moved in histograms(_rest_of(bit))]
         for kept, (all_, once, still) in enumerate(zip(*of, strict=True)):
             if kept and below:
                 continue  # a bit that is always 1 leaves no reading below it
+            still = all_ if low else still
             # A hand that stands still fills no gap: evidence is what was read once.
             gap = once.near >= _GAP_READINGS and still.share < (_LOW_GAP if low else _HIGH_GAP)
             if gap or (bit == bits - 1 and all_.empty and folded and (kept or lacking)):
@@ -233,3 +234,7 @@ def noisy(seen: Recorded, skip: set) -> list[Finding]:
         found.append(finding("cell", at((row, col)), float(noise[row, col])))
         noise[row], noise[:, col] = 0.0, 0.0
     return found
+
+
+# (what is recorded, (axis, line) of lines that earlier ones found unusable) -> findings
+CHECKS = [open_lines, loose_lines, noisy]

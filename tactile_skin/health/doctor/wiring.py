@@ -14,7 +14,9 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import ndtri
 
+from ...calibration.at_rest import address_bits
 from ...calibration.rest import UNLIKE
+from ...findings.finding import Finding, Kind, at, lines, place
 from ...physics.circuit import Circuit
 
 # Times the usual cell's conductance, of a short: at a crossing, or between two stripes that touch,
@@ -33,6 +35,10 @@ _ROUNDS = 12  # in which the usual cell's resistance is found
 _MOST = 6  # damages that are looked for
 _OF_SIZE = 1e-6  # share to which a cell's conductance is found
 _TRIED = 4  # lines, and cells, that are looked at in each turn
+
+# Ohm of a crossing, below which it is no pressed cell but a short: one of 1 ohm seems to have up to
+# 40 where r_ref or r_par is 10 % off.
+_SHORT = 60.0
 
 
 class Damage(NamedTuple):
@@ -103,8 +109,8 @@ class Wires:
         indices = np.indices(self.cells.shape)
         nodes = rows + cols
         on_row, on_col = indices[0], indices[1] + rows
-        for axis, line, at in self.cut:
-            part = on_row[line, at:] if axis == 0 else on_col[at:, line]
+        for axis, line, first in self.cut:
+            part = on_row[line, first:] if axis == 0 else on_col[first:, line]
             part[:] = nodes
             nodes += 1
         laplacian = np.zeros((nodes, nodes))
@@ -199,14 +205,13 @@ class _Fit:
     def _of_line(self, axis: int, line: int, off: np.ndarray, before: float):
         if any(c[:2] == (axis, line) for c in self.wires.cut):
             return  # the few cells before a cut scatter more
-        model = self.model if axis == 0 else self.model.T
+        model, cells = (of if axis == 0 else of.T for of in (self.model, self.wires.cells))
         # Two stripes that touch read half as much: there another r_par, r_ref or supply shows, too.
         joined = any(a == axis and line in pair for a, *pair in self.wires.joined)
         # Voltage over reading grows by what a lead adds, and with the conductance of its resistor,
         # in proportion.
-        for kind in () if joined else ("lead", "resistor"):
-            if kind == "resistor" and not self._has_resistor(axis, line):
-                continue
+        kinds = [] if joined else ["lead"] + ["resistor"] * self._has_resistor(axis, line)
+        for kind in kinds:
             whole = Damage(kind, axis, line, -1, _OHM if kind == "lead" else np.inf, 0.0)
             slope = self._line(axis, line, self.wires.with_one(whole)) - model[line]
             told = np.isfinite(off) & (slope != 0.0)
@@ -217,25 +222,24 @@ class _Fit:
             if share <= 0.0 or abs(added) < _LEAST_LEAD * np.median(model[line]):
                 continue
             share = share if kind == "lead" else min(share, 1.0)
-            gain = before - self._cost(
-                axis, off - np.log(np.maximum(model[line] + share * slope, 1.0) / model[line])
-            )
-            if gain > _LIKELY * before:
-                size, std = _OHM * share, 0.0
-                if kind == "resistor":
-                    left = 1.0 - share
-                    size = self.wires.r_ref[line] / left if left > _MISSING else np.inf
-                else:
-                    n = np.count_nonzero(np.isfinite(off))
-                    log = np.hypot(self.of_lines[axis], _OF_MEDIAN * self.scatter / n**0.5)
-                    std = float(log * np.median(model[line]) * _OHM / np.median(slope))
-                yield Damage(kind, axis, line, -1, size, gain, std)
-        cells = self.wires.cells if axis == 0 else self.wires.cells.T
+            reads = np.maximum(model[line] + share * slope, 1.0)
+            gain = before - self._cost(axis, off - np.log(reads / model[line]))
+            if gain <= _LIKELY * before:
+                continue
+            if kind == "resistor":
+                left = 1.0 - share
+                size = self.wires.r_ref[line] / left if left > _MISSING else np.inf
+                yield whole._replace(size=size, gain=gain)
+            else:
+                n = np.count_nonzero(np.isfinite(off))
+                log = np.hypot(self.of_lines[axis], _OF_MEDIAN * self.scatter / n**0.5)
+                std = float(log * np.median(model[line]) * _OHM / np.median(slope))
+                yield whole._replace(size=_OHM * share, gain=gain, std=std)
         if cells[line].max() > _SHORTED:  # the rest of the line says nothing beside a short
             return
         crossings = np.flatnonzero(cells[line] > 0.0)
-        for at in crossings[1:-1]:  # a cut before the last cell reads like a dead cell
-            damage = Damage("broken", axis, line, int(at), 0.0, 0.0)
+        for first in crossings[1:-1]:  # a cut before the last cell reads like a dead cell
+            damage = Damage("broken", axis, line, int(first), 0.0, 0.0)
             cut = self._line(axis, line, self.wires.with_one(damage))
             gain = before - self._cost(axis, off - np.log(cut / model[line]))
             if gain > _LIKELY * before:
@@ -303,3 +307,48 @@ def _median(values: np.ndarray, axis: int) -> np.ndarray:
     """Median along an axis; 0 where there is no value."""
     empty = np.isnan(values).all(axis, keepdims=True)
     return np.nanmedian(np.where(empty, 0.0, values), axis=axis)
+
+
+def doubled(axis: int, count: int, pairs: list[tuple[int, int]]) -> list[Finding]:
+    """Return stuck address bits of `count` lines, or the pairs of which one line is read twice."""
+    if not (bits := address_bits(pairs, count)):
+        return [Finding(Kind.DOUBLED, **lines(axis, *pair)) for pair in pairs]
+    name, every, found = ("rows", "columns")[axis], lines(axis, *range(count)), []
+    for bit in bits:
+        alike = ", ".join(f"{a} and {b}" for a, b in pairs if a ^ b == 1 << bit)
+        numbers, detail = {"bit": bit}, f"{name} {alike}"
+        found.append(Finding(Kind.DOUBLED, "address bit", **every, numbers=numbers, detail=detail))
+    return found
+
+
+def finding_of(circuit: Circuit, damage: Damage, cell: float, ends: bool = False) -> Finding:
+    """Return the finding of a damage.
+
+    Args:
+        cell: resistance of an untouched cell [ohm].
+        ends: whether the cell's reading is at the ceiling.
+    """
+    if damage.kind == "cell":
+        return _cell(circuit, damage, cell, ends)
+    of = lines(damage.axis, damage.line)
+    if damage.kind == "lead":
+        return Finding(Kind.LEAD, **of, numbers={"ohm": damage.size, "std": damage.std})
+    if damage.kind == "broken":
+        return Finding(Kind.BROKEN, **of, numbers={"before": damage.at, "last": damage.at - 1})
+    if not np.isfinite(damage.size):
+        return Finding(Kind.RESISTOR, "missing", **of)
+    return Finding(Kind.RESISTOR, **of, numbers={"ohm": damage.size, "supposed": circuit.r_ref})
+
+
+def _cell(circuit: Circuit, damage: Damage, cell: float, ends: bool) -> Finding:
+    row, col = damage.line, damage.at
+    of = at((row, col))
+    if damage.size == 0.0:
+        cut = [place((row,), ())] * (col == circuit.cols - 1)
+        cut += [place((), (col,))] * (row == circuit.rows - 1)
+        detail = "".join(f"; {line} may be cut before it" for line in cut)
+        return Finding(Kind.DEAD, **of, numbers={"usual": cell}, detail=detail)
+    numbers = {"ohm": cell / damage.size, "usual": cell}
+    if numbers["ohm"] < _SHORT:
+        return Finding(Kind.SHORT, "cell", **of, numbers=numbers)
+    return Finding(Kind.STUCK, "at the end" if ends else "", **of, numbers=numbers)
