@@ -78,4 +78,9 @@ class Doubt:
                 if self._touches >= _REPEATED
                 else f"seen under the last touch: kept until {_REST_SECONDS:g} s of rest"
             )
+        return self.fault
+
+    @property
+    def fault(self) -> bool:
+        """Whether so many frames are in doubt, or were under a touch, that it is a fault."""
         return self.present or self._lasting or self.held

@@ -38,7 +38,7 @@ class Monitor:
 
     def forget_doubts(self) -> None:
         """Forget doubts, since the rest was measured for the first time."""
-        self._doubt, self.doubtful = Doubt(), False
+        self._doubt = Doubt()
 
     def explained(self) -> None:
         """Forget what the skin at rest read otherwise, since the circuit is known better."""
@@ -49,7 +49,6 @@ class Monitor:
     def reset(self) -> None:
         """Somebody has checked the skin: past faults are over, what the last frames show is not."""
         self._doubt.reset()
-        self.doubtful = self._doubt.present
         for check in self._checks:
             check.forget()
 
@@ -57,8 +56,7 @@ class Monitor:
         """Take a frame, as `Seen` has it; `judged`: its status says something of the circuit."""
         suspect = estimate.status == "suspect"
         if suspect or judged:
-            touched = bool(estimate.force.max() >= TOUCHED)
-            self.doubtful = self._doubt.frame(t, suspect, touched)
+            self._doubt.frame(t, suspect, bool(estimate.force.max() >= TOUCHED))
         self._why = str(estimate.message) if suspect else self._why
         rising = self._adc.rising(samples)
         window = self._windows.frame(rising)
@@ -75,6 +73,11 @@ class Monitor:
             why = f"{self._why} ({self._doubt.kept})"
             return [Finding(Kind.MISFIT, "kept", severity=severity, detail=why)]
         return []
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether doubts are a fault."""
+        return self._doubt.fault
 
     def findings(self) -> list[Finding]:
         """Return what the checks find."""
