@@ -96,7 +96,6 @@ class Skin:
         self._last: Estimate | None = None  # the last frame: where the next starts from
         self._rested = -np.inf  # s, of the last frame in which nothing touched
         self._doubts = 0  # frames in a row
-        self._found: list[Finding] = []  # by the monitor
         self._ended = 0  # readings of the last frame at the end of the ADC's range
         self.waits = follows
         self.status, self.message, self.residual, self.force = "ok", "", 0.0, 0.0
@@ -174,7 +173,6 @@ class Skin:
         noise = (self._tare.noise or SCAN_NOISE) / self.circuit.full_scale
         known = {"judged": self.fitted, "stirs": stirs, "rest": rest, "noise": noise}
         self._monitor.frame(t, samples, adc, estimate, **known)
-        self._found = self._monitor.findings()
         if self.waits and self._tare.measured:  # doubts no longer count, nor this frame's
             self.waits = False
             self._monitor.forget_doubts()
@@ -200,7 +198,7 @@ class Skin:
         if unread.any():  # what the model reads there
             model = forward(self.circuit, self._tare.curve.resistance(estimate.force))
             adc = np.where(unread, model, adc)
-        learns = self._follows and not any(f.kind is Kind.ZEROS for f in self._found)
+        learns = self._follows and not any(f.kind is Kind.ZEROS for f in self._monitor.findings())
         if learns and self._tare.update(t, adc, estimate.force):
             self._last = None
 
@@ -227,7 +225,6 @@ class Skin:
         """Somebody has checked the skin: faults that the last frames no longer show are over."""
         self._last = None
         self._monitor.reset()
-        self._found = self._monitor.findings()
 
     def tare(self) -> str:
         """Measure the rest anew, as at the start; why not, empty if it is done."""
@@ -240,7 +237,6 @@ class Skin:
         self._tare = Tare(self.circuit, self._curve)
         self.waits, self._last = True, None
         self._monitor.begin_anew()
-        self._found = []
         return ""
 
     @property
@@ -262,7 +258,7 @@ class Skin:
             frame = self._monitor.misfit(self._doubt, past=past)
         found = [
             *filter(None, [self._tare.lines, self._tare.found]),
-            *self._found,
+            *self._monitor.findings(),
             *frame,
             *self._tracker.findings(),
         ]
