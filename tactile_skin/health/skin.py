@@ -133,14 +133,11 @@ class Skin:
         since, self._at = t - self._at, t
         if since > 0.0:
             self._interval += _FOLLOW * (since - self._interval)
-        shape = self.circuit.shape
-        if samples.shape != shape:
-            self.refuse(f"reading has shape {samples.shape}: the circuit is {shape}")
-            return None
-        if samples.dtype.kind != "u":
-            self.refuse(f"reading is of {samples.dtype}: must be uint16")
-            return None
         try:
+            if samples.shape != (shape := self.circuit.shape):
+                raise ValueError(f"reading has shape {samples.shape}: the circuit is {shape}")
+            if samples.dtype.kind != "u":
+                raise ValueError(f"reading is of {samples.dtype}: must be uint16")
             adc = self._adc.ratio_of(samples)
             begins = 0.0 < t - self._rested < _BEGINS
             estimate = self._compensate(adc, hurry=(late or begins) and not self._threshold)
