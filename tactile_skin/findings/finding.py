@@ -92,18 +92,25 @@ WORDS = _load()  # (kind, form): words
 
 @dataclass(frozen=True)
 class Finding:
-    """Two findings are equal if they are of one cause, whatever their numbers are by now."""
+    """Two findings are equal if they are of one cause, whatever their numbers are by now.
+
+    Attributes:
+        kind: what is wrong.
+        form: how it shows; kind and form have their words in words.csv.
+        severity: what it does to the robot.
+        rows, cols: that it is about; one of each: their crossing.
+        numbers: name -> value that its words mention.
+        detail: a part of its words that somebody else worked out, as an error's text.
+        change: what to enter, where the frames leave no other explanation; None: nothing.
+    """
 
     kind: Kind
-    form: str = ""  # how it shows; kind and form have their words
+    form: str = ""
     severity: Severity = Severity.WARN
-    # lines that it is about; one of each: their crossing
     rows: tuple[int, ...] = ()
     cols: tuple[int, ...] = ()
     numbers: Mapping[str, SupportsFloat | str] = field(default_factory=dict, compare=False)
-    # a part of its words that somebody else worked out, as an error's text
     detail: str = field(default="", compare=False)
-    # what to enter, where the frames leave no other explanation
     change: Any = field(default=None, compare=False)
 
     def __post_init__(self):
