@@ -23,10 +23,8 @@ _HELD = 15  # frames about its peak within which a touch is looked for
 # Share by which r_par must be off, as what all touches share is not in their scatter: light ones
 # make it seem larger by 0 to 5 % on 50 sound boards, where it is known to 1.5 % (seed 144000).
 _SERIES = 0.075
-# Ohm of standard deviation up to which a wrong r_drive shows.
-_DRIVE_KNOWN = 4.0
-# Ohm by which r_drive must be off: 3.4 at most on 16 boards (seeds 94000 and 94100).
-_DRIVE = 5.0
+_DRIVE = 5.0  # ohm by which r_drive must be off: 3.4 at most on 16 boards (seeds 94000 and 94100)
+_DRIVE_KNOWN = 4.0  # ohm of standard deviation up to which a wrong one shows
 
 
 def in_series(seen: Recorded, skip, noisy, wires: wiring.Wires) -> list[Finding]:
@@ -77,9 +75,9 @@ def shows(seen: Recorded, name: str) -> bool:
         return False
     if name == "r_drive":
         return found.std[name] <= _DRIVE_KNOWN
-    # One that is off by half is found: of an r_ref that is 3 to 10 times too high and was not named
-    # the deviation is 1.7 times as much and more, on sound boards with enough touches none is (12
-    # of 8 x 8 and 12 x 10 cells, 3 to 45 N).
+    # One that is off by half must be `SURE`: where an r_ref that is 3 to 10 times too high was not
+    # named the deviation is 1.7 times as much and more; on sound boards with enough touches it is
+    # less (12 boards of 8 x 8 and 12 x 10 cells, 3 to 45 N).
     return SURE * found.std[name] <= 0.5 * series_scale(seen.circuit)
 
 
