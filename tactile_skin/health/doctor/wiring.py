@@ -210,8 +210,8 @@ class _Fit:
         joined = any(a == axis and line in pair for a, *pair in self.wires.joined)
         # Voltage over reading grows by what a lead adds, and with the conductance of its resistor,
         # in proportion.
-        kinds = [] if joined else ["lead"] + ["resistor"] * self._has_resistor(axis, line)
-        for kind in kinds:
+        kinds = ("lead", "resistor") if self._has_resistor(axis, line) else ("lead",)
+        for kind in () if joined else kinds:
             whole = Damage(kind, axis, line, -1, _OHM if kind == "lead" else np.inf, 0.0)
             slope = self._line(axis, line, self.wires.with_one(whole)) - model[line]
             told = np.isfinite(off) & (slope != 0.0)
