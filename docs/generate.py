@@ -11,6 +11,7 @@ from pathlib import Path
 import tactile_skin
 from tactile_skin import launch, msg
 from tactile_skin.cli import COMMANDS, make_parser
+from tactile_skin.findings.finding import WORDS
 from tactile_skin.middleware.bus import Context, DurabilityPolicy, Node, Parameter
 from tactile_skin.ros import PARTS
 
@@ -19,6 +20,9 @@ SHOWN = [*PARTS, "push_arrow", "tactile_state"]  # nodes whose topics are listed
 _MADE = "<!-- made by docs/generate.py -->"
 _WIDTH = 80  # characters of a signature on one line
 _SECTION = re.compile(r"^(Args|Attributes|Returns|Raises|Yields):$")
+_FIELD = re.compile(r"\{(\w+)[^}]*\}")
+_EXAMPLES = {"at": "row 2", "line": "row", "across": "column", "bits": "bit 1"}
+_EXAMPLES |= {"detail": "...", "settings": "..."}
 _ITEM = re.compile(r"^([\w, ]+): (.*)$")
 
 
@@ -160,7 +164,30 @@ def _profile(profile) -> str:
 
 
 # page: what makes it
-PAGES = {"commands.md": commands, "api.md": api, "qos.md": qos}
+def troubleshooting() -> str:
+    """Return the page with a table of all that is said of a skin, and what to do, at its end."""
+    remedies: dict[str, list[str]] = {}
+    for where, evidence, remedy in WORDS.values():
+        said = f"{where}: {evidence}" if where else evidence
+        if said != "{detail}":  # else all of it is worked out elsewhere
+            remedies.setdefault(_example(said), []).append(_example(remedy))
+    rows = [f"| `{said}` | {' Or: '.join(dict.fromkeys(of))} |" for said, of in remedies.items()]
+    page = (DOCS / "troubleshooting.md").read_text(encoding="utf-8")
+    head = "| what is said | what to do |\n|---|---|\n"
+    return page[: page.index(head)] + head + "\n".join(rows) + "\n"
+
+
+def _example(template: str) -> str:
+    """Return a template with examples of places, and N for each number."""
+    return _FIELD.sub(lambda field: _EXAMPLES.get(field[1], "N"), template)
+
+
+PAGES = {
+    "commands.md": commands,
+    "api.md": api,
+    "qos.md": qos,
+    "troubleshooting.md": troubleshooting,
+}
 
 
 if __name__ == "__main__":

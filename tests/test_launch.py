@@ -732,7 +732,7 @@ def test_a_reset_first_ends_a_fault_that_is_kept_from_an_earlier_touch(write, la
         handle = skin._handles[1]
         (service,) = [s for s in handle._services if s.srv_name.endswith("/reset")]
         compensation.skin.waits = False  # rest was measured
-        compensation.skin._monitor.doubtful = True  # as a doubt that is held
+        compensation.skin._monitor._doubt.held = True  # as a doubt that is held
         compensation.skin._doubt = Finding(Kind.MISFIT, "kept", detail="it was under each touch")
         handle.create_timer(0.01, compensation._update_level)
         fault = "fault: compensation: it was under each touch; more: doctor"

@@ -54,7 +54,7 @@ def main(arguments=None) -> dict:
         circuit = known(board)
         rest = measure_rest(board.at_rest(), circuit)
         guide = Guide(circuit, None, None, None)
-        guide._rest = rest
+        guide.rest = rest
         for force in objects(OBJECTS, shape, rng)[0]:
             there = board.frames([force] * FRAMES)
             true = totals(there.mean(0)[None], circuit, board.curve, rest)[0]

@@ -1,16 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What was found wrong with a skin, as a value: which kind, how bad, where, and its numbers."""
+"""What was found wrong with a skin, as a value: which kind, how bad, where, and its numbers.
+
+words.csv holds all words, in the order in which findings are said.
+"""
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum, IntEnum
-from typing import Any, SupportsFloat, TypedDict
+from pathlib import Path
+from typing import Any, NamedTuple, SupportsFloat, TypedDict
 
 import numpy as np
 
-from . import words
+_NAMED = 4  # lines, or cells, that are named one by one
 
 
 class Severity(IntEnum):
@@ -64,6 +69,27 @@ class Kind(str, Enum):
 BESIDE_THE_REST = {Kind.NO_PICTURE, Kind.MISFIT, Kind.CIRCUIT, Kind.ALL_CELLS}
 
 
+class Words(NamedTuple):
+    """How a finding is worded.
+
+    Templates: {at} is the lines or cells, {line} "row" or "column", {detail} and the numbers are
+    the finding's.
+    """
+
+    where: str
+    evidence: str
+    remedy: str
+
+
+def _load() -> dict[tuple[str, str], Words]:
+    text = Path(__file__).with_name("words.csv").read_text(encoding="utf-8")
+    _, *lines = csv.reader(text.splitlines())
+    return {(kind, form): Words(*words) for kind, form, *words in lines}
+
+
+WORDS = _load()  # (kind, form): words
+
+
 @dataclass(frozen=True)
 class Finding:
     """Two findings are equal if they are of one cause, whatever their numbers are by now.
@@ -88,7 +114,7 @@ class Finding:
     change: Any = field(default=None, compare=False)
 
     def __post_init__(self):
-        words.of(self)  # there are some
+        WORDS[self._key]  # KeyError: there are none
 
     @property
     def stops(self) -> bool:
@@ -98,28 +124,42 @@ class Finding:
     @property
     def rank(self) -> tuple[int, int]:
         """Sorts findings, the worst first."""
-        return -self.severity, words.rank(self)
+        return -self.severity, list(WORDS).index(self._key)
 
     @property
     def where(self) -> str:
         """The place, for a person; empty if it is about no place."""
-        return words.fill(self, words.of(self).where)
+        return self._filled(WORDS[self._key].where)
 
     @property
     def evidence(self) -> str:
         """What shows it."""
-        return words.fill(self, words.of(self).evidence)
+        return self._filled(WORDS[self._key].evidence)
 
     @property
     def remedy(self) -> str:
         """What to do about it."""
-        return words.fill(self, words.of(self).remedy)
+        return self._filled(WORDS[self._key].remedy)
 
     def __str__(self) -> str:
         text = f"{self.where}: {self.evidence}" if self.where else self.evidence
         if not (remedy := self.remedy):
             return text
         return f"{text}. {remedy}" if remedy.endswith("?") else f"{text}. {remedy}."
+
+    @property
+    def _key(self) -> tuple[str, str]:
+        return self.kind.value, self.form
+
+    def _filled(self, template: str) -> str:
+        return template.format(
+            at=place(self.rows, self.cols),
+            line="row" if self.rows else "column",
+            across="column" if self.rows else "row",
+            bits=_bits(self.rows or self.cols),
+            detail=self.detail,
+            **self.numbers,
+        )
 
 
 class Where(TypedDict, total=False):
@@ -144,3 +184,32 @@ def lines(axis: int, *of: int) -> Where:
     """Return rows (axis 0) or cols (axis 1) of these lines, as `Finding` takes them."""
     found = tuple(int(k) for k in of)
     return {"cols": found} if axis else {"rows": found}
+
+
+def whole_lines(finding: Finding) -> set[tuple[int, int]]:
+    """Return (axis, line) of each line that a finding is about; none if it is about a cell."""
+    if finding.rows and finding.cols:
+        return set()
+    return {(0, k) for k in finding.rows} | {(1, k) for k in finding.cols}
+
+
+def place(rows: tuple[int, ...], cols: tuple[int, ...]) -> str:
+    """Return the name of lines, or of cells if there are as many rows as columns."""
+    if rows and cols:
+        return _list([f"row {r}, column {c}" for r, c in zip(rows, cols, strict=True)])
+    name, lines = ("row", rows) if rows else ("column", cols)
+    if len(lines) == 1:
+        return f"{name} {lines[0]}"
+    return f"{name}s {_list([str(k) for k in lines])}"
+
+
+def _list(names: list[str]) -> str:
+    if len(names) > _NAMED:
+        names = [*names[: _NAMED - 1], f"{len(names) - _NAMED + 1} more"]
+    return " and ".join(names)
+
+
+def _bits(lines: tuple[int, ...]) -> str:
+    """Return which address bits: lines that differ in one of them only are the first and 2^bit."""
+    bits = [str(k.bit_length() - 1) for k in lines[1:]]
+    return f"bit{'s' if bits[1:] else ''} {_list(bits)}"

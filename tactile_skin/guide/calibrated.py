@@ -18,10 +18,9 @@ from .calibration import Guide
 
 
 def write(path: Path, source: Path | None, guide: Guide, skin: SkinConfig) -> None:
-    """Write the configuration with what was learnt, as a parameter file; the old one stays as .bak.
+    """Write the configuration with what was learnt; the old file stays as .bak.
 
-    Comments, order and mode of the file stay. A crash at any point leaves the old file or the new
-    one.
+    Its comments, order and mode stay. A crash at any point leaves the old file or the new one.
     """
     said = guide.circuit.describe()
     given = _given(source)

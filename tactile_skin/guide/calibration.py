@@ -1,10 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a person does to calibrate a board, step by step; frames and answers come from outside.
+"""What a person does to calibrate a board, step by step (docs/calibrate.md).
 
-Hands off (rest, noise), press here and there (what lies in series), lay known weights on (the
-curve). Each step says when it has enough, why something does not count, and waits for a key before
-the next one; "b" leads a step back. How much a standing load gains is measured separately
-(docs/calibrate.md).
+Hands off, press here and there, lay known weights on. Each step says when it has enough, why
+something does not count, and waits for a key; "b" leads a step back.
 """
 
 from __future__ import annotations
@@ -58,12 +56,7 @@ CountDown = Callable[[int], None]  # s to wait for, in which they are counted do
 
 
 class Guide:
-    """Leads through the steps, wherever frames and answers come from.
-
-    Attributes:
-        circuit: what the configuration says, then what the touches tell.
-        found, fitted, creep: what was learnt; None before.
-    """
+    """Leads through the steps, wherever frames and answers come from."""
 
     def __init__(
         self,
@@ -78,28 +71,21 @@ class Guide:
 
         Args:
         circuit: as it is configured.
-        frames, ask, say: where frames and answers come from, and words go.
         count_down: before a measurement; recorded frames need none.
         show: takes the force (rows, cols) [N] of what was weighed last.
         """
         self._supposed, self._frames, self._ask, self._say = circuit, frames, ask, say
         self._count_down, self._show = count_down, show
         self._touches: list[np.ndarray] = []
-        self._rest: Rest | None = None
-        self.found: Identified | None = None
+        self.rest: Rest  # the untouched skin, once it is measured
+        self.found: Identified | None = None  # as fitted and creep: what was learnt, None before
         self.unfit = ""  # what is doubted, where another circuit fits the touches as well
         self.fitted: FittedCurve | None = None
         self.creep: Creep | None = None
 
     @property
-    def rest(self) -> Rest:
-        """The untouched skin; ValueError: it is not measured yet."""
-        if self._rest is None:
-            raise ValueError("the rest of the skin is not measured yet")
-        return self._rest
-
-    @property
     def circuit(self) -> Circuit:
+        """What the configuration says, then what the touches tell."""
         return self.found.circuit if self.found else self._supposed
 
     def run(self) -> None:
@@ -130,21 +116,17 @@ class Guide:
             f"lay it on the\n  skin at once; leave it there for {STANDS / 60:.0f} minutes: "
         )
         frames: list[np.ndarray] = []
-        times: list[float] = []
-        t, begun = 0.0, None
-        while begun is None or t < begun + STANDS:
-            new = _mean(self._frames(_LOOK))
-            frames.append(new)
-            times.append(t + _LOOK / 2)
-            t += _LOOK
-            if begun is not None:
-                if (t - begun) % _TELL < _LOOK:
-                    self._say(f"  {t - begun:.0f} s of {STANDS:.0f} s")
-            elif self._touched(new):
-                begun = t
-            elif t > _PATIENCE:
+        stood = 0.0  # s
+        while stood <= STANDS:
+            frames.append(_mean(self._frames(_LOOK)))
+            if stood or self._touched(frames[-1]):
+                stood += _LOOK
+                if stood % _TELL == 0.0:
+                    self._say(f"  {stood:.0f} s of {STANDS:.0f} s")
+            elif len(frames) * _LOOK > _PATIENCE:
                 raise ValueError(f"nothing was laid on the skin for {_PATIENCE:.0f} s")
-        creep = measure_creep(np.array(frames), np.array(times), self._supposed, self.rest, curve)
+        times = _LOOK * (np.arange(len(frames)) + 0.5)
+        creep = measure_creep(np.array(frames), times, self._supposed, self.rest, curve)
         self.creep = creep
         self._say(
             f"  A standing load gains {creep.share:.1%} +- {creep.std:.1%} in a decade "
@@ -160,7 +142,7 @@ class Guide:
             while len(frames) < _FEW:
                 frames = np.concatenate([frames, self._frames(REST)])
             try:
-                self._rest = measure_rest(frames, self._supposed)
+                self.rest = measure_rest(frames, self._supposed)
                 break
             except ValueError as error:
                 if not left:
@@ -191,7 +173,7 @@ class Guide:
         most = max(TOUCHES, len(touches) + 2 * _EVERY)
         waited, why, times, said = 0.0, "", 0, ""  # s; why a press does not count, how often, said
         while len(touches) < most and waited < _PATIENCE:
-            touch, reason = self._new_touch(touches)
+            touch, reason = self._new_touch()
             if touch is None:
                 waited += _GLANCE
                 why, times = reason, times + 1 if reason == why else 1
@@ -224,10 +206,7 @@ class Guide:
             self._say("  What the touches do not tell stays as it is configured.")
 
     def _check_readout(self, touches: list[np.ndarray]) -> None:
-        """ValueError: they are those of another readout than the configured one.
-
-        Where something else explains them as well it is only said.
-        """
+        """ValueError: another readout's; where something else explains them it is said only."""
         hardest = sorted(touches, key=lambda touch: -np.nanmax(touch))[:HARDEST]
         at_rest = self.rest.quiet(self.rest.adc[None])[0]
         found = other_readout(self.circuit, at_rest, self.rest.noise, np.array(hardest))
@@ -237,21 +216,18 @@ class Guide:
             self.unfit = "the touches do not fit the circuit"
             self._say(f"  {found}")
 
-    def _new_touch(self, touches: list[np.ndarray]) -> tuple[np.ndarray | None, str]:
+    def _new_touch(self) -> tuple[np.ndarray | None, str]:
         """Return the mean frame of a new touch that stands, or None and why there is none."""
         frames = self.rest.quiet(self._frames(_GLANCE))
         if len(frames) < 2:
             return None, ""
-        frame, last = _mean(frames), touches[-1] if touches else None
-        rise, least = float(np.nanmax(frame - self.rest.adc)), MOVED * self._noise
-        if rise <= 0.5 * least:
+        frame, last = _mean(frames), self._touches[-1] if self._touches else None
+        steps = float(np.nanmax(frame - self.rest.adc)) * self._supposed.full_scale
+        least = MOVED * self._noise * self._supposed.full_scale
+        if steps <= 0.5 * least:
             return None, ""
-        if rise <= least:
-            full = self._supposed.full_scale
-            return (
-                None,
-                f"too light, {rise * full:.1f} of {least * full:.1f} ADC steps: press harder",
-            )
+        if steps <= least:
+            return None, f"too light, {steps:.1f} of {least:.1f} ADC steps: press harder"
         if not stands_anew(frames[-1], frames[0], None, self._noise):
             return None, "it moves: hold it still"
         if not stands_anew(frames[-1], frames[0], last, self._noise):

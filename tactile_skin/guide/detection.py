@@ -9,7 +9,6 @@ from typing import Any
 
 import yaml
 
-from ..board.formats import Format
 from ..board.recognise.lines import sides
 from ..board.recognise.listen import Heard
 from ..board.recognise.seen import Seen, shown
@@ -39,12 +38,9 @@ def conclude(
     It is empty where nothing was recognised.
 
     Args:
-        found: what was heard.
         given: answers that are known: port, readout, driven, pull_up, r_ref, r_par, r_drive,
             full_scale.
         shape: (rows, cols), if it is known.
-        ask: returns what its second argument reads in the answer.
-        say: takes lines.
 
     Raises:
         ValueError: an answer that no circuit has, or a shape that no frame has.
@@ -65,9 +61,9 @@ def conclude(
         raise ValueError(f"{wrong}: must be {cells} cells together, as a frame has")
     rows, cols = shape or _cells(found, ask)
     answers = _answers(seen, given | {"rows": rows, "cols": cols}, ask)
-    circuit, width = _circuit(found.seen, answers)
+    circuit = _circuit(seen, answers)
     say(f"{rows} x {cols} cells at {circuit['adc_bits']} bits, {answers['readout']}")
-    return _text(found, answers, circuit, width, board)
+    return _text(found, answers, circuit, board)
 
 
 def _cells(found: Heard, ask: Ask) -> tuple[int, int]:
@@ -75,7 +71,7 @@ def _cells(found: Heard, ask: Ask) -> tuple[int, int]:
     if found.seen.shape and found.fits(found.seen.shape):
         return found.seen.shape
     cells = found.seen.cells
-    usual = "{} x {}".format(*sides(cells))
+    usual = " x ".join(map(str, sides(cells)))
 
     def read(typed: str) -> tuple[int, int]:
         words = (typed or usual).lower().replace("x", " ").replace(",", " ").split()
@@ -132,20 +128,15 @@ def _usual_scale(seen: Seen) -> float:
         return 1.0
     if seen.decimals:
         return next((volts for volts in (3.3, 5.0) if seen.largest <= volts + 0.1), 1023.0)
-    bits = next((bits for bits in WIDTHS[1:] if seen.largest < 2**bits), WIDTHS[-1])
-    return float(2**bits - 1)
+    return float(2 ** max(_bits_of(seen.largest), WIDTHS[1]) - 1)
 
 
-def _circuit(seen: Seen, answers: dict) -> tuple[dict, bool]:
-    """Return the parameters circuit.*, and whether the full scale is that of an ADC's width.
-
-    Raises:
-        ValueError: an answer that no circuit has.
-    """
-    scale = answers.get("full_scale", 0.0)
-    width = [bits for bits in WIDTHS if 2**bits - 1 == scale]
+def _circuit(seen: Seen, answers: dict) -> dict:
+    """Return the parameters circuit.*; ValueError: an answer that no circuit has."""
     circuit = {name: answers[name] for name in ("rows", "cols", "r_ref")}
-    circuit["adc_bits"] = seen.adc_bits or (width[0] if width else _fine(scale, seen.step))
+    # those of an ADC whose steps are as fine as what is printed
+    steps = answers.get("full_scale", 0.0) / (seen.step or 1.0)
+    circuit["adc_bits"] = seen.adc_bits or _width(answers) or _bits_of(steps)
     readout = answers["readout"]
     if readout != READOUTS[0]:
         circuit |= {"readout": readout, "driven": answers.get("driven", DRIVEN[0])}
@@ -156,25 +147,31 @@ def _circuit(seen: Seen, answers: dict) -> tuple[dict, bool]:
     if answers.get("pull_up"):
         circuit["inverted"] = True
     skin_of({f"circuit.{name}": value for name, value in circuit.items()}, "")
-    return circuit, bool(width)
+    return circuit
 
 
-def _fine(scale: float, step: float) -> int:
-    """Bits of an ADC whose steps are as fine as what is printed."""
-    steps = scale / step if step else scale
+def _width(answers: dict) -> int | None:
+    """Return the bits of the ADC whose full scale was answered; None: it is that of none."""
+    return next((bits for bits in WIDTHS if 2**bits - 1 == answers.get("full_scale")), None)
+
+
+def _bits_of(steps: float) -> int:
+    """Return the bits of the smallest ADC with so many steps."""
     return next((bits for bits in WIDTHS if 2**bits - 1 >= steps), WIDTHS[-1])
 
 
-def _text(found: Heard, answers: dict, circuit: dict, width: bool, board: tuple) -> str:
+def _text(found: Heard, answers: dict, circuit: dict, board: tuple) -> str:
     """Return the parameter file."""
     seen = found.seen
     driver = {"protocol": seen.protocol, "baud": found.baud}
     if board:
         driver["serial_number"] = board[-1]  # port: auto finds it again on any socket
-    scale = 0.0 if width else answers.get("full_scale", 0.0)
-    form = _form(seen.format, scale, found.request)
-    if form:
-        driver["format"] = form
+    if seen.format:  # what differs from the protocol's default description
+        scale = 0.0 if _width(answers) else answers.get("full_scale", 0.0)
+        form = dataclasses.replace(seen.format, full_scale=scale, request=found.request)
+        usual = {field.name: field.default for field in dataclasses.fields(form)}
+        if differs := {k: v for k, v in dataclasses.asdict(form).items() if v != usual[k]}:
+            driver["format"] = differs
     data = {"/**": {"circuit": circuit}, "/**/serial_driver": driver}
     if seen.protocol != "binary":  # its frames come at the sketch's pace
         data["/**/stop_on_push"] = {"debounce": 0.01, "lead": 0.0}
@@ -186,12 +183,3 @@ def _text(found: Heard, answers: dict, circuit: dict, width: bool, board: tuple)
         "# geometry (where the skin is on the robot) is not stated: pushes have no direction\n"
         + yaml.safe_dump(sections, sort_keys=False)
     )
-
-
-def _form(fmt: Format, scale: float, request: str) -> dict:
-    """Return what differs from the protocol's default description."""
-    if fmt is None:
-        return {}
-    fmt = dataclasses.replace(fmt, full_scale=scale, request=request)
-    defaults = {field.name: field.default for field in dataclasses.fields(fmt)}
-    return {k: v for k, v in dataclasses.asdict(fmt).items() if v != defaults[k]}

@@ -21,15 +21,24 @@ _LOW = 0.3
 def notes(
     found: Sequence[Finding], frames: np.ndarray, circuit: Circuit, rest: Rest | None = None
 ) -> list[str]:
-    """Return what the frames cannot show, or do not.
-
-    Args:
-        found: what was found.
-        frames: (n, rows, cols) ADC ratio, NaN where a crossing was not read.
-    """
-    nothing = "" if found else f"nothing found. {_unseen(record(frames, circuit, rest))}"
-    said = nothing, touches_note(frames, circuit, rest), _scale_note(frames, circuit)
-    return [note for note in said if note]
+    """Return what the frames (n, rows, cols) [ADC ratio; NaN: not read] cannot show, or do not."""
+    seen = record(frames, circuit, rest)
+    said = [] if found else [f"nothing found. {_unseen(seen)}"]
+    if (touches := len(seen.touches)) < FEW_TOUCHES:
+        said.append(
+            f"{touches} touches were seen. Most faults need twenty, and a skin left alone for a "
+            "third of the time: take your hands off for 5 s, then press everywhere."
+        )
+    most, full = float(np.nanmax(frames)), circuit.full_scale
+    # Readings that are all too small by one factor are those of another fabric behind another r_par
+    if most < _LOW * float(circuit.ratio(0.0)):
+        said.append(
+            f"no reading exceeds {most * full:.0f} of {full} ADC steps ({most:.0%}). If some "
+            f"presses were hard, check circuit.adc_bits = {circuit.adc_bits}, adc_full_scale and "
+            "serial_driver.format.full_scale: with a wrong one all forces are too small, and "
+            "frames do not show it."
+        )
+    return said
 
 
 def _unseen(seen: Recorded) -> str:
@@ -47,39 +56,3 @@ def _unseen(seen: Recorded) -> str:
     if not readout.two_terminal:
         words.append("a wrong r_ref, which reads like another fabric")
     return "Frames do not show " + "; ".join(words) + "."
-
-
-def touches_note(frames: np.ndarray, circuit: Circuit, rest: Rest | None) -> str:
-    """Return what to record instead if hardly a touch was seen; empty if some were.
-
-    Args:
-        frames: (n, rows, cols) ADC ratio, NaN where a crossing was not read.
-    """
-    touches = len(record(frames, circuit, rest).touches)
-    if touches >= FEW_TOUCHES:
-        return ""
-    return (
-        f"{touches} touches were seen. Most faults need twenty, and a skin left alone for a "
-        "third of the time: take your hands off for 5 s, then press everywhere."
-    )
-
-
-def _scale_note(frames: np.ndarray, circuit: Circuit) -> str:
-    """Return what to check if hard presses read little; empty if they do not.
-
-    Readings that are all too small by one factor are those of another fabric behind another r_par:
-    no frame shows it, and the forces found are far too small.
-
-    Args:
-        frames: (n, rows, cols) ADC ratio, NaN where a crossing was not read.
-    """
-    most = float(np.nanmax(frames))
-    if not most < _LOW * float(circuit.ratio(0.0)):
-        return ""
-    full = circuit.full_scale
-    return (
-        f"no reading exceeds {most * full:.0f} of {full} ADC steps ({most:.0%}). If some presses "
-        f"were hard, check circuit.adc_bits = {circuit.adc_bits}, adc_full_scale and "
-        "serial_driver.format.full_scale: with a wrong one all forces are too small, and frames do "
-        "not show it."
-    )

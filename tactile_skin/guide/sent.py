@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..calibration.rest import check_all_is_sent
-from ..health.doctor.sent import DECIMALS
+from ..health.doctor.usable import DECIMALS
 from ..middleware.config import SkinConfig
 from ..readings.processed import Kind, processed
 

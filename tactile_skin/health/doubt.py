@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When frames in doubt are a fault, and when that fault is over: no clock and no bus of its own.
+"""When frames in doubt are a fault, and when that fault is over.
 
-A single suspect frame is no fault: a touch that comes or goes causes a few. Half of the last frames
-are one. A fault at rest persists under a touch, which may hide it; a fault under a touch may not
-show at rest, and is not over when the hand is gone.
+A touch that comes or goes causes a few suspect frames; half of the last ones are a fault. One at
+rest persists under a touch, which may hide it; one under a touch may not show at rest, and is not
+over when the hand is gone.
 """
 
 from __future__ import annotations
@@ -51,13 +51,7 @@ class Doubt:
         self._touched = False
 
     def frame(self, t: float, suspect: bool, touched: bool) -> bool:
-        """Take a frame; whether there is a fault.
-
-        Args:
-            t: when it was read.
-            suspect: whether it is in doubt.
-            touched: whether anything was found to touch.
-        """
+        """Take a frame that was read at `t`; whether there is a fault."""
         self._recent.append(suspect)
         doubts = sum(self._recent)
         self.present = doubts >= (_OVER if self.present else _FAULT)
@@ -84,4 +78,9 @@ class Doubt:
                 if self._touches >= _REPEATED
                 else f"seen under the last touch: kept until {_REST_SECONDS:g} s of rest"
             )
+        return self.fault
+
+    @property
+    def fault(self) -> bool:
+        """Whether so many frames are in doubt, or were under a touch, that it is a fault."""
         return self.present or self._lasting or self.held

@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is watched on one running skin: each check takes each frame, and says what it finds.
-
-To add a check takes a class (check.py), a line in `CHECKS`, a kind in finding.py and its words in
-words.csv.
-"""
+"""What is watched on one running skin: each check takes each frame, and says what it finds."""
 
 from __future__ import annotations
 
@@ -26,18 +22,10 @@ CHECKS: list[type[Check]] = [Sent, RestPicture, Ceiling, Untouched, OddCells, Lo
 
 
 class Monitor:
-    """Follows one skin; all times are of one clock [s].
-
-    Attributes:
-        doubtful: whether so many frames are in doubt, or were under a touch, that it is a fault.
-    """
+    """Follows one skin; all times are of one clock [s]."""
 
     def __init__(self, adc: Adc, threshold: float):
-        """Watch a skin that is read by this converter.
-
-        Args:
-        adc, threshold: as of `Check`.
-        """
+        """Watch a skin, with what `Check` takes."""
         self._adc, self._threshold = adc, threshold
         self._windows = Windows(adc.circuit.adc_bits)
         self._why = ""
@@ -50,7 +38,7 @@ class Monitor:
 
     def forget_doubts(self) -> None:
         """Forget doubts, since the rest was measured for the first time."""
-        self._doubt, self.doubtful = Doubt(), False
+        self._doubt = Doubt()
 
     def explained(self) -> None:
         """Forget what the skin at rest read otherwise, since the circuit is known better."""
@@ -61,21 +49,14 @@ class Monitor:
     def reset(self) -> None:
         """Somebody has checked the skin: past faults are over, what the last frames show is not."""
         self._doubt.reset()
-        self.doubtful = self._doubt.present
         for check in self._checks:
             check.forget()
 
     def frame(self, t, samples, adc, estimate: Estimate, *, judged, stirs, rest, noise) -> None:
-        """Take a frame.
-
-        Args:
-            judged: whether its status says anything of the circuit.
-            others as of `Seen`.
-        """
+        """Take a frame, as `Seen` has it; `judged`: its status says something of the circuit."""
         suspect = estimate.status == "suspect"
         if suspect or judged:
-            touched = bool(estimate.force.max() >= TOUCHED)
-            self.doubtful = self._doubt.frame(t, suspect, touched)
+            self._doubt.frame(t, suspect, bool(estimate.force.max() >= TOUCHED))
         self._why = str(estimate.message) if suspect else self._why
         rising = self._adc.rising(samples)
         window = self._windows.frame(rising)
@@ -84,12 +65,7 @@ class Monitor:
             check.frame(seen)
 
     def misfit(self, finding: Finding | None, *, past: bool = True) -> list[Finding]:
-        """Return the doubt of the frames; a fault if it lasts.
-
-        Args:
-            finding: of the last frame; None: it is not in doubt.
-            past: with doubts that the last frame no longer shows.
-        """
+        """Return the doubt of the last frame, or of `past` ones; a fault if it lasts."""
         severity = Severity.FAULT if self.doubtful else Severity.WARN
         if finding:
             return [replace(finding, severity=severity)]
@@ -97,6 +73,11 @@ class Monitor:
             why = f"{self._why} ({self._doubt.kept})"
             return [Finding(Kind.MISFIT, "kept", severity=severity, detail=why)]
         return []
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether doubts are a fault."""
+        return self._doubt.fault
 
     def findings(self) -> list[Finding]:
         """Return what the checks find."""

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether a matrix is read at all: cells of a fabric rest apart, and that picture is its own.
 
-Where all readings are alike no matrix is read. Where the picture of the rest stands at another
-height a bit of the ADC is stuck: whatever presses changes each cell by its own.
+Where all readings are alike no matrix is read. Where the picture stands at another height a bit of
+the ADC is stuck: whatever presses changes each cell by its own.
 """
 
 from __future__ import annotations

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """One running skin: what is known of it by now, the picture of each frame, and what is wrong.
 
-A frame is fitted with the rest and the circuit that the frames before it told; what it tells itself
-counts from the next one on.
+A frame is fitted with the rest and the circuit that the frames before it told.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -87,7 +87,7 @@ class Skin:
         floor, ceiling = adc.range
         self._threshold, self._floor = threshold, max(threshold, floor)
         self._bounds = {"threshold": self._floor, "ceiling": ceiling, "missing": True}
-        self._common = {"noise": noise}
+        self._noise = noise
         self._time_limit, self._interval, self._at = time_limit, 0.0, np.nan  # s; of the last frame
         self._standing = Standing(creep, curve) if creep.share else None
         self._tare = Tare(self.circuit, curve)
@@ -96,7 +96,6 @@ class Skin:
         self._last: Estimate | None = None  # the last frame: where the next starts from
         self._rested = -np.inf  # s, of the last frame in which nothing touched
         self._doubts = 0  # frames in a row
-        self._found: list[Finding] = []  # by the monitor
         self._ended = 0  # readings of the last frame at the end of the ADC's range
         self.waits = follows
         self.status, self.message, self.residual, self.force = "ok", "", 0.0, 0.0
@@ -106,14 +105,11 @@ class Skin:
         self.fitted = True
 
     def use(self, method: str) -> None:
-        """Another method from the next frame on.
-
-        Raises:
-            ValueError: there is none of this name, or its weights do not fit the circuit.
-        """
+        """Use another method from now on; ValueError: there is none, or it does not fit."""
         if method not in METHODS:
             raise ValueError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
-        given = self._common | {"weights": self._weights if method in _LEARNED else None}
+        weights = self._weights if method in _LEARNED else None
+        given: dict[str, Any] = {"noise": self._noise, "weights": weights}
         given |= self._bounds if method in _BOUNDED else {"threshold": self._threshold}
         # Loads the weights, and says here, not at a frame, that they do not fit.
         flat = np.full(self.circuit.shape, 0.05)
@@ -137,14 +133,11 @@ class Skin:
         since, self._at = t - self._at, t
         if since > 0.0:
             self._interval += _FOLLOW * (since - self._interval)
-        shape = self.circuit.shape
-        if samples.shape != shape:
-            self.refuse(f"reading has shape {samples.shape}: the circuit is {shape}")
-            return None
-        if samples.dtype.kind != "u":
-            self.refuse(f"reading is of {samples.dtype}: must be uint16")
-            return None
         try:
+            if samples.shape != (shape := self.circuit.shape):
+                raise ValueError(f"reading has shape {samples.shape}: the circuit is {shape}")
+            if samples.dtype.kind != "u":
+                raise ValueError(f"reading is of {samples.dtype}: must be uint16")
             adc = self._adc.ratio_of(samples)
             begins = 0.0 < t - self._rested < _BEGINS
             estimate = self._compensate(adc, hurry=(late or begins) and not self._threshold)
@@ -177,7 +170,6 @@ class Skin:
         noise = (self._tare.noise or SCAN_NOISE) / self.circuit.full_scale
         known = {"judged": self.fitted, "stirs": stirs, "rest": rest, "noise": noise}
         self._monitor.frame(t, samples, adc, estimate, **known)
-        self._found = self._monitor.findings()
         if self.waits and self._tare.measured:  # doubts no longer count, nor this frame's
             self.waits = False
             self._monitor.forget_doubts()
@@ -189,19 +181,12 @@ class Skin:
         self.status, self.message, self._doubt = "failed", why, None
 
     def _compensate(self, adc: np.ndarray, hurry: bool) -> Estimate:
-        given = self._given | {"hurry": hurry}
-        if given["noise"] is None and self._tare.noise is not None:
-            given = given | {"noise": max(self._tare.noise, ROUNDING_NOISE)}
+        given = self._given | {"hurry": hurry, "start": self._last}
+        if self._noise is None and self._tare.noise is not None:
+            given["noise"] = max(self._tare.noise, ROUNDING_NOISE)
         limit = self._time_limit or min(max(_FRAMES * self._interval, _SHORTEST), _LONGEST)
-        return compensate(
-            adc,
-            self.circuit,
-            self._tare.curve,
-            self._method,
-            start=self._last,
-            time_limit=limit,
-            **given,
-        )
+        curve = self._tare.curve
+        return compensate(adc, self.circuit, curve, self._method, time_limit=limit, **given)
 
     def _rest(self, t: float, adc: np.ndarray, estimate: Estimate) -> None:
         if self._floor:  # what is not told is no rest
@@ -210,7 +195,7 @@ class Skin:
         if unread.any():  # what the model reads there
             model = forward(self.circuit, self._tare.curve.resistance(estimate.force))
             adc = np.where(unread, model, adc)
-        learns = self._follows and not any(f.kind is Kind.ZEROS for f in self._found)
+        learns = self._follows and not any(f.kind is Kind.ZEROS for f in self._monitor.findings())
         if learns and self._tare.update(t, adc, estimate.force):
             self._last = None
 
@@ -237,7 +222,6 @@ class Skin:
         """Somebody has checked the skin: faults that the last frames no longer show are over."""
         self._last = None
         self._monitor.reset()
-        self._found = self._monitor.findings()
 
     def tare(self) -> str:
         """Measure the rest anew, as at the start; why not, empty if it is done."""
@@ -250,7 +234,6 @@ class Skin:
         self._tare = Tare(self.circuit, self._curve)
         self.waits, self._last = True, None
         self._monitor.begin_anew()
-        self._found = []
         return ""
 
     @property
@@ -265,18 +248,14 @@ class Skin:
         return unseen or self._monitor.doubtful or any(f.stops for f in self.findings())
 
     def findings(self, *, past: bool = True) -> list[Finding]:
-        """Return all that is wrong, the worst first.
-
-        Args:
-            past: with faults that the last frame no longer shows.
-        """
+        """Return all that is wrong, the worst first; `past`: in earlier frames, too."""
         if self.status == "failed":
             frame = [Finding(Kind.NO_PICTURE, severity=Severity.FAULT, detail=self.message)]
         else:
             frame = self._monitor.misfit(self._doubt, past=past)
         found = [
             *filter(None, [self._tare.lines, self._tare.found]),
-            *self._found,
+            *self._monitor.findings(),
             *frame,
             *self._tracker.findings(),
         ]

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What an untouched skin reads, compared with what it read when its rest was measured.
 
-Its cells differ, so that the readings at rest are a picture that is known. Fabric changes cell by
-cell, and as a whole slowly. Two changes are none of its own: all cells at once, as of a supply, a
-reference or a series resistance; and a line that reads as another one did, cell for cell, as of a
-multiplexer or leads that were exchanged.
+Fabric changes cell by cell, and as a whole slowly. Two changes are none of its own: all cells at
+once, as of a supply, a reference or a series resistance; and a line that reads as another one did,
+cell for cell, as of a multiplexer or leads that were exchanged.
 """
 
 from __future__ import annotations
@@ -61,10 +60,7 @@ class Untouched(Check):
         self._since = np.inf  # s, the first of them
 
     def frame(self, seen: Seen) -> None:
-        """Take a frame. Before the rest was measured each look is compared with the one before.
-
-        What falls by then would be tared away.
-        """
+        """Take a frame; before the rest is known each look is compared with the one before."""
         t, rest = seen.t, seen.rest
         if seen.stirs or t < self._since < np.inf:  # or the clock was set back
             self._begin()
@@ -115,8 +111,6 @@ class Untouched(Check):
 
         It is 0 if some did neither. Evenly: as of the supply; a load that goes leaves no cells so
         alike.
-
-        A cell that changes moves the readings of others, too: if those say so, the cells are found.
         """
         # r_ref / rho, but for r_par, is what conducts
         a, b = now[known], rest[known]
@@ -144,13 +138,7 @@ class Untouched(Check):
 def _another_line(
     now: np.ndarray, rest: np.ndarray, noise: float, known: np.ndarray
 ) -> Finding | None:
-    """Return which line reads as another one did; None: none does.
-
-    Lines are compared by how their cells differ from each other: their level may drift.
-
-    Args:
-        noise: RMS of each of `now`, as ADC ratio.
-    """
+    """Return which line reads as another one did, by how its cells differ; None: none does."""
     now, rest = (np.where(known, adc, 0.0) for adc in (now, rest))
     for axis, a, b, there in ((0, now, rest, known), (1, now.T, rest.T, known.T)):
         both = (there[:, None] & there[None]).astype(float)  # (lines, lines, cells of a line)

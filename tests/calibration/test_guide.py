@@ -276,7 +276,7 @@ def test_an_object_can_be_taken_back():
 
 def test_frames_before_the_object_came_or_slid_are_seen():
     guide = Guide(Circuit(rows=4, cols=4), lambda s: None, lambda q: "", lambda t: None)
-    guide._rest = SimpleNamespace(adc=np.full((4, 4), 0.1), noise=1.0)
+    guide.rest = SimpleNamespace(adc=np.full((4, 4), 0.1), noise=1.0)
     noise = np.random.default_rng(0).normal(0.0, 0.001, (90, 4, 4))
     stands = 0.1 + noise
     stands[:, 1:3, 1:3] += 0.3

@@ -1,15 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Findings are equal by their cause, have words, and docs hold all of them."""
+"""Findings are equal by their cause, and have words."""
 
 import string
-from pathlib import Path
 
 import pytest
 
-from tactile_skin.findings.finding import Finding, Kind, Severity, at, lines
-from tactile_skin.findings.words import WORDS, place, table
+from tactile_skin.findings.finding import WORDS, Finding, Kind, Severity, at, lines, place
 
-PAGE = Path(__file__).parents[2] / "docs" / "troubleshooting.md"
 GIVEN = {"at", "line", "across", "bits", "detail"}  # by the finding itself
 
 
@@ -61,8 +58,3 @@ def test_faults_come_first_and_then_what_the_board_sends():
 )
 def test_places_have_names(rows, cols, said):
     assert place(rows, cols) == said
-
-
-def test_the_page_holds_all_words():
-    """`python -c "from tactile_skin.findings.words import table; print(table())"` prints them."""
-    assert table() in PAGE.read_text(encoding="utf-8")

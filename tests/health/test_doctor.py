@@ -54,6 +54,14 @@ def test_a_fault_is_named_with_its_line_or_cell(kind, readout, seed):
     assert str(found[0]).startswith(found[0].where)
 
 
+@pytest.mark.ci
+def test_a_wrong_bit_at_whose_edge_the_cells_rest_is_named_by_their_noise():
+    """Samples leap across its gap, and their means fill it."""
+    case = Case(171012, ("bits",), 20.0)
+    (finding,) = diagnose(case.frames, case.circuit, series=False)
+    assert (finding.form, finding.numbers["bit"], finding.numbers["kept"]) == ("leaps", 5, False)
+
+
 @pytest.mark.parametrize(("seed", "times"), [(1, 1), (1, 3), (1, 10), (2, 10), (3, 5), (3, 10)])
 def test_a_wrong_r_ref_is_named_or_the_touches_say_too_little(seed, times):
     """Where r_ref is entered too high the touches of a small board may fit any r_par."""

@@ -16,7 +16,7 @@ from support.marks import ci, slow
 
 from tactile_skin import Circuit, PressureCurve, compensate, diagnose, measure_rest
 from tactile_skin.board.protocol import BinaryParser
-from tactile_skin.guide.notes import touches_note
+from tactile_skin.guide.notes import notes
 from tactile_skin.health.doctor import ignored_diode
 from tactile_skin.health.doctor.recorded import record
 from tactile_skin.health.doctor.wiring import Damage, Wires, search
@@ -200,9 +200,10 @@ def test_a_skin_that_is_never_left_alone_is_neither_upside_down_nor_damaged():
     """Somebody sits on it from the first frame to the last: there are no touches to judge by."""
     paths = (CUSHIONS / name for name in ("hj_1_1.csv", "hj_6_1.csv"))
     counts = np.concatenate([np.loadtxt(path, delimiter=",").reshape(-1, 9, 9) for path in paths])
-    (finding,) = diagnose(1.0 - counts / 1023.0, CUSHION)
+    frames = 1.0 - counts / 1023.0
+    (finding,) = found = diagnose(frames, CUSHION)
     assert finding.kind == "too little seen" and "in all frames" in finding.evidence
-    assert "0 touches were seen" in touches_note(1.0 - counts / 1023.0, CUSHION, None)
+    assert "0 touches were seen" in notes(found, frames, CUSHION)[0]
 
 
 @pytest.mark.ci

@@ -1,20 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is wrong with a board, from a recording of its ordinary use: which wire, which cell.
 
-recorded.py   rest, noise and touches of the recording
-sent.py       whether it holds what an ADC reads, of a matrix
-unrested.py   whether it shows the skin at rest
-readout.py    another readout than the configured one
-readings.py   faults of single readings: bits, ceiling, noise, open and loose lines
-order.py      lines that read alike, lines in the wrong order
-wiring.py     damage of wires and cells that explains the rest; damaged.py: their findings
-series.py     r_par, r_line, r_drive by the touches
-diode.py      diodes in the driven lines of a loaded matrix
-converter.py  an ADC that is not linear
-advice.py     what to enter, tried on the frames before it is proposed
-
 What the readings cannot tell is not guessed: two boards that read alike get the same finding, which
-then names both.
+then names both. advice.py tries what is proposed on the frames.
 """
 
 from __future__ import annotations
@@ -24,16 +12,15 @@ from dataclasses import replace
 import numpy as np
 
 from ...calibration.rest import REST_SPAN, Rest, usual_resistance
-from ...findings.finding import Finding, Kind, lines
+from ...findings.finding import Finding, Kind, lines, whole_lines
 from ...physics.circuit import Circuit
 from ...physics.readouts import DRIVEN
 from ...solvers.reading import ROUNDING_NOISE
-from . import converter, damaged, order, readings, readout, sent, wiring
+from . import order, readings, readout, usable, wiring
 from .advice import HARDEST, Change, is_safe
-from .diode import unknown_diode
+from .converter import other_adc, unknown_diode
 from .recorded import FEW_TOUCHES, Recorded, record
 from .series import in_series, touches_of
-from .unrested import unrested
 
 # Where no circuit decides, readings are upside down if so much of all change is a fall, and no more
 # the other way round than is left: on sound boards hardly any change is one.
@@ -70,12 +57,13 @@ def diagnose(
     """
     frames = np.asarray(frames)
     seen = record(frames, circuit, rest)
-    if finding := sent.processed(seen):
+    if finding := usable.processed(seen):
         return [finding]
-    finding = unrested(seen) if rest is None else None
-    if finding and not (sent.at_an_end(seen) or readings.wrong_bits(seen, readings.ceiling(seen))):
+    finding = usable.unrested(seen) if rest is None else None
+    wrong = usable.at_an_end(seen) or readings.wrong_bits(seen, readings.ceiling(seen))
+    if finding and not wrong:
         turned = record(1.0 - frames, circuit, None)  # upside down, the calmest are the hardest
-        return (not unrested(turned) and _upside_down(seen, turned, inverted)) or [finding]
+        return (not usable.unrested(turned) and _upside_down(seen, turned, inverted)) or [finding]
     found = _diagnose(seen, series)
     sound = not found and len(seen.touches)
     if sound and (seen.fell < 1.0 - _FALLS or _fits(circuit, seen)):
@@ -112,7 +100,7 @@ def _upside_down(seen: Recorded, turned: Recorded, inverted: bool) -> list[Findi
 def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
     """Judge readings that are not upside down."""
     circuit = seen.circuit
-    if finding := sent.one_voltage(seen) or sent.at_an_end(seen):
+    if finding := usable.one_voltage(seen) or usable.at_an_end(seen):
         return [finding]
     touched = _touched(seen, HARDEST if series else _FEW)
     fitting = readout.other(circuit, touched)
@@ -132,17 +120,18 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
     unexplained = [fitting.finding(circuit)] if fitting else []
     height, *found = top or (np.inf,)
     unusable: set[tuple[int, int]] = set()  # (axis, line) whose readings say nothing of the fabric
-    for check in damaged.CHECKS:
+    for check in readings.CHECKS:
         new = check(seen, unusable)
         found += new
-        unusable |= {at for f in new if f.kind is not Kind.NOISY for at in damaged.whole_lines(f)}
+        unusable |= {at for f in new if f.kind is not Kind.NOISY for at in whole_lines(f)}
     noisy = [f for f in found if f.kind is Kind.NOISY]
     wires, rho, known = _wires(seen, unusable, found)
     if not known.any():
         return found
     try:
         alike = order.equal_lines(seen, unusable)
-        wires, pairs = _joined(seen, wires, rho, known, alike, found)
+        wires, known = _joined(seen, wires, rho, known, alike, found)
+        pairs = {(axis, b) for axis, _, b in alike}
         damages, wires = wiring.search(circuit, rho, known, wires)
     except np.linalg.LinAlgError:  # whatever the cells, this circuit does not read so
         return found or unexplained
@@ -156,7 +145,7 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
     for d in damages:
         cell = (d.line, d.at) if d.kind == "cell" else None
         if cell not in quiet:
-            found.append(damaged.damage(circuit, d, wires.cell, bool(cell and ends[cell])))
+            found.append(wiring.finding_of(circuit, d, wires.cell, bool(cell and ends[cell])))
     odd = {(d.axis, d.line) for d in damages if d.kind != "cell"}
     pressed = {(d.line, d.at) for d in damages if d.kind == "cell" and d.size > 1.0}
     if np.isfinite(height):  # beside such a cell, touches that end there are all alike
@@ -172,9 +161,9 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
     if circuit.readout == "loaded":  # so with a sense line that leads to ground by other than r_ref
         unread = unread or any(axis != circuit.sense_axis for axis, _ in unusable | beside)
     if not (unread or np.isfinite(height) or wires.cells.max() > REST_SPAN):
-        skip = unusable | beside | {at for f in noisy for at in damaged.whole_lines(f)}
+        skip = unusable | beside | {at for f in noisy for at in whole_lines(f)}
         found += in_series(seen, skip, quiet, wires)
-    return found or converter.other(circuit, touched) or unexplained
+    return found or other_adc(circuit, touched) or unexplained
 
 
 def _other_way(seen: Recorded, touched: readout.Touched) -> Change | None:
@@ -215,10 +204,8 @@ def ignored_diode(circuit: Circuit, rest: Rest, touches) -> Finding | None:
 
 def _touched(seen: Recorded, n: int) -> readout.Touched:
     """Return the untouched skin, and its n hardest touches, without lines that come and go."""
-    read = seen.read.copy()
-    for finding in readings.loose_lines(seen, set()):
-        for axis, line in damaged.whole_lines(finding):
-            seen.turned(axis, read)[line] = False
+    loose = [of for f in readings.loose_lines(seen, set()) for of in whole_lines(f)]
+    read = seen.without(seen.read, loose)
     at_rest = np.where(read, seen.base / seen.circuit.full_scale, np.nan)
     touches = np.where(read, touches_of(seen, n), np.nan)
     return readout.Touched(at_rest, seen.usual_noise, touches)
@@ -226,27 +213,24 @@ def _touched(seen: Recorded, n: int) -> readout.Touched:
 
 def _wires(seen: Recorded, unusable, found) -> tuple[wiring.Wires, np.ndarray, np.ndarray]:
     """Wires without the open ones, the resistance that is read at rest [ohm], and where."""
-    known = seen.read & (seen.base > 0.0)
-    for axis, line in unusable:
-        seen.turned(axis, known)[line] = False
+    known = seen.without(seen.read & (seen.base > 0.0), unusable)
     adc, cells = seen.base / seen.circuit.full_scale, known & seen.circuit.populated
     usual = usual_resistance(adc, cells, seen.circuit) if cells.any() else np.inf
     if not 0.0 < usual < np.inf:  # nothing conducts, or all of it as a wire
         known = np.zeros_like(known)
     wires = wiring.Wires.sound(seen.circuit, usual)
     for f in found:
-        for axis, line in damaged.whole_lines(f) if f.kind is Kind.OPEN else ():
+        for axis, line in whole_lines(f) if f.kind is Kind.OPEN else ():
             wires = wires.reading(axis, line, -1)
     return wires, wiring.measured_resistance(seen.circuit, adc), known
 
 
 def _joined(seen: Recorded, wires: wiring.Wires, rho, known, pairs, found: list):
-    """Return the wires with lines that read alike, and (axis, line) of one of each pair.
+    """Return the wires with lines that read alike, and where one of each pair is left.
 
     Two stripes that touch, and one that is read by two addresses, conduct otherwise at rest.
     """
     wires, alone, log = wires.fitted(rho, known)
-    taken = set()
     doubled: dict[int, list[tuple[int, int]]] = {0: [], 1: []}
     for axis, a, b in pairs:
         read = seen.turned(axis, known)[a]
@@ -264,8 +248,7 @@ def _joined(seen: Recorded, wires: wiring.Wires, rho, known, pairs, found: list)
         else:
             wires = twice
             doubled[axis].append((a, b))
-        taken.add((axis, b))
-        seen.turned(axis, known)[b] = False
+        known = seen.without(known, [(axis, b)])
     for axis in (0, 1):
-        found += damaged.doubled(axis, seen.circuit.shape[axis], doubled[axis])
-    return wires, taken
+        found += wiring.doubled(axis, seen.circuit.shape[axis], doubled[axis])
+    return wires, known

@@ -32,9 +32,7 @@ _NOISE = 3.0  # times what noise explains of a squared difference, as at rest
 
 def equal_lines(seen: Recorded, skip) -> list[tuple[int, int, int]]:
     """Return (axis, line, line) pairs whose readings are equal, at rest or under touches."""
-    cells, steps = seen.cells.copy(), seen.base.astype(float)
-    for axis, line in skip:
-        seen.turned(axis, cells)[line] = False
+    cells, steps = seen.without(seen.cells, skip), seen.base.astype(float)
     noise = seen.usual_noise / np.count_nonzero(seen.quiet) ** 0.5
     return sorted({*at_rest.equal_lines(steps, noise, cells), *_under_touches(seen, cells)})
 
@@ -83,10 +81,7 @@ def misplaced(seen: Recorded, skip, cells=(), pressed=()) -> list[Finding]:
 
 
 def _pictures(seen: Recorded) -> np.ndarray:
-    """(touches, rows, cols) of sum 1: the root of what each touch adds to the cells' conductance.
-
-    It is not that of the circuit's inverse, but near enough.
-    """
+    """(touches, rows, cols) of sum 1: the root of what a touch adds to the conductance, nearly."""
     circuit, full = seen.circuit, seen.circuit.full_scale
     base = circuit.two_terminal(np.maximum(seen.base, 1.0) / full) + 1.0
     steps = np.maximum(seen.steps[seen.touches], 1.0)
@@ -100,28 +95,24 @@ def _one_late(pictures: np.ndarray) -> Vote | None:
     """All samples one place late: the first column holds the last one's, a row further down."""
     _, rows, cols = pictures.shape
     moved = np.roll(pictures.reshape(-1, rows * cols), -1, axis=1).reshape(pictures.shape)
-    edges = (0, 0), (0, 0), (1, 1)
-    now, other = (np.abs(np.diff(np.pad(p, edges))).sum((1, 2)) for p in (pictures, moved))
+    now, other = (_variation(p.swapaxes(1, 2)) for p in (pictures, moved))
     return _only(now, other)
 
 
 def transposed(seen: Recorded) -> Vote | None:
-    """Return the touches' vote if the samples' rows and columns are exchanged; None: they are not.
-
-    On a square skin that is another touch's picture, and no reading tells.
-    """
+    """Return the vote for rows and columns exchanged; on a square skin no reading tells."""
     rows, cols = seen.circuit.shape
     if rows == cols or min(rows, cols) == 1 or not seen.circuit.populated.all():
         return None
     pictures = _pictures(seen)
-    other = pictures.reshape(-1, cols, rows).swapaxes(1, 2)
-    return _only(_variation(pictures), _variation(other))
+    other = pictures.reshape(-1, cols, rows)
+    now, exchanged = (_variation(p) + _variation(p.swapaxes(1, 2)) for p in (pictures, other))
+    return _only(now, exchanged)
 
 
 def _variation(pictures: np.ndarray) -> np.ndarray:
-    """(n,) of (n, rows, cols), from line to line both ways; nothing is touched beyond the edges."""
-    padded = np.pad(pictures, ((0, 0), (1, 1), (1, 1)))
-    return sum(np.abs(np.diff(padded, axis=axis)).sum((1, 2)) for axis in (1, 2))
+    """(n,) of (n, lines, cells), from line to line; nothing is touched beyond the edges."""
+    return np.abs(np.diff(pictures, axis=1, prepend=0.0, append=0.0)).sum((1, 2))
 
 
 class Vote(NamedTuple):
@@ -153,18 +144,14 @@ def _vote(now: np.ndarray, saved: np.ndarray) -> tuple[int, Vote] | None:
 
 def _exchanged(pictures: np.ndarray) -> tuple[tuple[int, int], Vote] | None:
     """Return the two lines without whose exchange touches are smoother; None: there are none."""
-    lines = pictures.shape[1]
-    if lines < _FEWEST_LINES or len(pictures) < FEW_TOUCHES:
+    count = pictures.shape[1]
+    if count < _FEWEST_LINES or len(pictures) < FEW_TOUCHES:
         return None
-    padded = np.pad(pictures, ((0, 0), (1, 1), (0, 0)))  # nothing is touched beyond
-    apart = np.abs(padded[:, :, None] - padded[:, None]).sum(3)  # how much two lines differ
-    before, here, after = (slice(k, k + lines) for k in range(3))
-    k = np.arange(lines)
-    beside = apart[:, k, k + 1] + apart[:, k + 1, k + 2]  # (touches, lines), of each to both sides
-    there = apart[:, before, here] + apart[:, after, here]  # line b in the place of line a
-    saved = beside[:, :, None] + beside[:, None] - there - there.swapaxes(1, 2)
-    a, b = np.triu_indices(lines, 1)
-    saved = saved[:, a, b] - np.where(b == a + 1, 2.0 * apart[:, a + 1, b + 1], 0.0)
-    every = np.arange(lines + 1)
-    found = _vote(apart[:, every, every + 1].sum(1), saved)
-    return found and ((int(a[found[0]]), int(b[found[0]])), found[1])
+    now, pairs = _variation(pictures), list(combinations(range(count), 2))
+    saved = np.empty((len(pictures), len(pairs)))
+    for k, (a, b) in enumerate(pairs):
+        order = np.arange(count)
+        order[[a, b]] = b, a
+        saved[:, k] = now - _variation(pictures[:, order])
+    found = _vote(now, saved)
+    return found and (pairs[found[0]], found[1])

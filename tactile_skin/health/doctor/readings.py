@@ -1,12 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Faults of single readings: bits that never change, a ceiling, noise, lines that read nothing.
-
-A check of a recording takes what is recorded, and (axis, line) of lines that earlier ones found
-unusable; it returns findings.
-"""
+"""Faults of single readings: bits that never change, a ceiling, noise, lines that read nothing."""
 
 from __future__ import annotations
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +16,7 @@ from ...physics.adc import Adc
 from ...solvers.suspect import BELOW_REST, LINE_OPEN
 from ..ceiling import Ceiling
 from ..check import Windows
-from .recorded import Recorded, loose
+from .recorded import Recorded
 
 SEVERAL = 30  # readings, of so many
 SEVERAL_CELLS = 3  # cells, that a bit or a ceiling takes: fewer are single cells' faults
@@ -46,11 +43,7 @@ _LOOSE = 0.25  # of all lines at most come and go: more are touches on a skin th
 
 
 def wrong_bits(seen: Recorded, top: tuple[float, Finding] | None) -> list[Finding]:
-    """Return bits of the ADC that never change: by the readings that lack, or by noise at rest.
-
-    Args:
-        top: the recording's `ceiling`.
-    """
+    """Return bits of the ADC that never change: by the readings that lack, or by noise at rest."""
     return _stuck_bits(seen, top) or _leaping_bit(seen)
 
 
@@ -71,19 +64,19 @@ def _stuck_bits(seen: Recorded, top: tuple[float, Finding] | None) -> list[Findi
     found, bits = [], seen.circuit.adc_bits
     # Where other cells lower readings, as on a grounded matrix, few reach the top bit, but some do.
     lacking = not (every > (1 << bits - 1) + width).any()  # the top bit, throughout
-    histograms: dict[int, list[np.ndarray]] = {}  # of high bits they are the same
+
+    @cache
+    def histograms(rest: int) -> list[np.ndarray]:  # of high bits they are the same
+        return [_moved(s, base, rest, bits) for s in (every, new, standing)]
+
     for bit in range(_LOWEST_BIT, bits):
         low = bit <= _HIGHEST_LOW_BIT
         below = (new < (1 << bit) - width).mean() > _EMPTY
-        rest = _rest_of(bit)
-        if rest not in histograms:
-            histograms[rest] = [_moved(s, base, rest, bits) for s in (every, new, standing)]
-        all_moved, new_moved, standing_moved = histograms[rest]
-        still_moved = all_moved if low else standing_moved
-        of = [_gaps(moved, bit) for moved in (all_moved, new_moved, still_moved)]
+        of = [_gaps(moved, bit) for moved in histograms(_rest_of(bit))]
         for kept, (all_, once, still) in enumerate(zip(*of, strict=True)):
             if kept and below:
                 continue  # a bit that is always 1 leaves no reading below it
+            still = all_ if low else still
             # A hand that stands still fills no gap: evidence is what was read once.
             gap = once.near >= _GAP_READINGS and still.share < (_LOW_GAP if low else _HIGH_GAP)
             if gap or (bit == bits - 1 and all_.empty and folded and (kept or lacking)):
@@ -99,9 +92,7 @@ def _leaping_bit(seen: Recorded) -> list[Finding]:
     width, to and fro. Means of n samples that leap from `low` to `high` have the variance
     (m - low) (high - m) / n where they lie at m; cells elsewhere do not leap.
     """
-    calm = seen.cells.copy()
-    for axis, line in _loose(seen) + _noisy_lines(seen):
-        seen.turned(axis, calm)[line] = False
+    calm = seen.without(seen.cells, seen.loose + _noisy_lines(seen))
     level, variance = seen.base[calm].astype(float), np.square(seen.noise[calm].astype(float))
     least = (1.0 - _EXPLAINED) * np.square(variance - variance.mean()).sum() if calm.any() else 0.0
     found = None
@@ -148,11 +139,7 @@ def _moved(steps: np.ndarray, base: np.ndarray, rest: int, bits: int) -> np.ndar
 
 
 def _gaps(moved: np.ndarray, bit: int) -> list[_Gap]:
-    """Return the gap of a bit that is always 0, and of one that is always 1.
-
-    Args:
-        moved: how many readings there are at each step.
-    """
+    """Return the gap of a bit that is always 0, and of one that is always 1, by `_moved`."""
     margin = min((1 << bit) // 4, 4)  # noise at a block's ends
     each = moved.reshape(-1, 1 << bit)[:, margin : (1 << bit) - margin].sum(1)
     found = []
@@ -166,10 +153,7 @@ def _gaps(moved: np.ndarray, bit: int) -> list[_Gap]:
 
 
 def ceiling(seen: Recorded) -> tuple[float, Finding] | None:
-    """Return the height where readings end that should rise further [ADC steps], and the finding.
-
-    As a running skin sees it. None: there is none.
-    """
+    """Return the height where readings end [ADC steps], as `Ceiling` sees it, and the finding."""
     bits = seen.circuit.adc_bits
     watch, windows = Ceiling(Adc(seen.circuit)), Windows(bits)
     calm = seen.read & (seen.noise < _noise_limit(seen))  # others have more noise on top
@@ -189,14 +173,13 @@ def _noise_limit(seen: Recorded) -> float:
 
 def open_lines(seen: Recorded, skip: set) -> list[Finding]:
     """Return lines of which no reading rises."""
-    loud = np.zeros(seen.base.shape, bool)  # a noisy line that crosses an open one reads noise
-    for axis, line in _noisy_lines(seen):
-        seen.turned(axis, loud)[line] = True
+    # a noisy line that crosses an open one reads noise
+    quiet = seen.without(np.ones(seen.base.shape, bool), _noisy_lines(seen))
     found = []
     for axis in (0, 1):
         base, read = seen.turned(axis, seen.base), seen.turned(axis, seen.read)
         every = seen.turned(axis, np.quantile(seen.steps, _TOUCHED_SELDOM, axis=0))
-        across = ~seen.turned(axis, loud)
+        across = seen.turned(axis, quiet).copy()
         across[~across.any(1)] = True
         high = np.where(across, every, 0.0).max(1)
         usual = float(np.median(base[base > 0])) if (base > 0).any() else 0.0
@@ -209,7 +192,7 @@ def open_lines(seen: Recorded, skip: set) -> list[Finding]:
 
 def loose_lines(seen: Recorded, skip: set) -> list[Finding]:
     """Return lines that are open in some frames."""
-    found = _loose(seen)
+    found = seen.loose
     if len(found) > _LOOSE * sum(seen.circuit.shape):
         return []
     shares = {line: float(seen.is_open(line[0])[:, line[1]].mean()) for line in found}
@@ -218,10 +201,6 @@ def loose_lines(seen: Recorded, skip: set) -> list[Finding]:
         for line, share in shares.items()
         if line not in skip
     ]
-
-
-def _loose(seen: Recorded) -> list[tuple[int, int]]:
-    return [(axis, int(k)) for axis in (0, 1) for k in np.flatnonzero(loose(seen.closed[axis]))]
 
 
 def _noisy_lines(seen: Recorded, skip=()) -> list[tuple[int, int]]:
@@ -234,10 +213,7 @@ def _noisy_lines(seen: Recorded, skip=()) -> list[tuple[int, int]]:
 
 def _noise(seen: Recorded, skip) -> np.ndarray:
     """(rows, cols) RMS of each reading [ADC steps], 0 on the lines (axis, line) of skip."""
-    noise = np.where(seen.read, seen.noise, 0.0)
-    for axis, line in skip:
-        seen.turned(axis, noise)[line] = 0.0
-    return noise
+    return seen.without(np.where(seen.read, seen.noise, 0.0), skip)
 
 
 def noisy(seen: Recorded, skip: set) -> list[Finding]:
@@ -258,3 +234,7 @@ def noisy(seen: Recorded, skip: set) -> list[Finding]:
         found.append(finding("cell", at((row, col)), float(noise[row, col])))
         noise[row], noise[:, col] = 0.0, 0.0
     return found
+
+
+# (what is recorded, (axis, line) of lines that earlier ones found unusable) -> findings
+CHECKS = [open_lines, loose_lines, noisy]

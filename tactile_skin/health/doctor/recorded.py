@@ -74,13 +74,21 @@ class Recorded:
         """Return the picture (..., rows, cols) with the lines of an axis first of the last two."""
         return picture if axis == 0 else picture.swapaxes(-1, -2)
 
+    def without(self, picture: np.ndarray, lines) -> np.ndarray:
+        """Return a copy of a picture that is 0 on these lines (axis, line)."""
+        picture = picture.copy()
+        for axis, line in lines:
+            self.turned(axis, picture)[line] = 0
+        return picture
+
+    @property
+    def loose(self) -> list[tuple[int, int]]:
+        """(axis, line) of lines that are open in some frames and closed in others."""
+        return [(axis, int(k)) for axis in (0, 1) for k in np.flatnonzero(loose(self.closed[axis]))]
+
 
 def record(frames, circuit: Circuit, rest: Rest | None) -> Recorded:
-    """Sum up the frames.
-
-    Raises:
-        ValueError: another shape, values outside [0, 1], fewer than 20 frames, or none was read.
-    """
+    """Sum up the frames; ValueError: they are none of this circuit, too few, or none was read."""
     frames = check_frames(frames, circuit)
     if len(frames) < _FEWEST:
         raise ValueError(f"{len(frames)} frames: give {_FEWEST} or more, of about a minute of use")

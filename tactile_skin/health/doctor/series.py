@@ -23,13 +23,8 @@ _HELD = 15  # frames about its peak within which a touch is looked for
 # Share by which r_par must be off, as what all touches share is not in their scatter: light ones
 # make it seem larger by 0 to 5 % on 50 sound boards, where it is known to 1.5 % (seed 144000).
 _SERIES = 0.075
-# Standard deviation, as share of `series_scale`, up to which one that is off by half is `SURE` to
-# be found: 0.17 and more where an r_ref that is 3 to 10 times too high was not named, 0.1 and less
-# on sound boards with enough touches (12 boards of 8 x 8 and 12 x 10 cells, 3 to 45 N).
-_KNOWN = 0.1
-_DRIVE_KNOWN = 4.0  # ohm, the same of r_drive
-# Ohm by which r_drive must be off: 3.4 at most on 16 boards (seeds 94000 and 94100).
-_DRIVE = 5.0
+_DRIVE = 5.0  # ohm by which r_drive must be off: 3.4 at most on 16 boards (seeds 94000 and 94100)
+_DRIVE_KNOWN = 4.0  # ohm of standard deviation up to which a wrong one shows
 
 
 def in_series(seen: Recorded, skip, noisy, wires: wiring.Wires) -> list[Finding]:
@@ -39,9 +34,7 @@ def in_series(seen: Recorded, skip, noisy, wires: wiring.Wires) -> list[Finding]
         skip: (axis, line) of lines whose readings are not used, nor are those of
         noisy: (row, column) of cells.
     """
-    circuit, unknown = seen.circuit, ~seen.read
-    for axis, line in skip:
-        seen.turned(axis, unknown)[line] = True
+    circuit, unknown = seen.circuit, ~seen.without(seen.read, skip)
     for at in noisy:
         unknown[at] = True
     sound = replace(wires, lead=[np.zeros(n) for n in circuit.shape])
@@ -80,8 +73,12 @@ def shows(seen: Recorded, name: str) -> bool:
     found = identified(seen, ~seen.read, usual)
     if found is None or found.frames < FEW_TOUCHES:
         return False
-    most = _KNOWN * series_scale(seen.circuit) if name == "r_par" else _DRIVE_KNOWN
-    return found.std[name] <= most
+    if name == "r_drive":
+        return found.std[name] <= _DRIVE_KNOWN
+    # One that is off by half must be `SURE`: where an r_ref that is 3 to 10 times too high was not
+    # named the deviation is 1.7 times as much and more; on sound boards with enough touches it is
+    # less (12 boards of 8 x 8 and 12 x 10 cells, 3 to 45 N).
+    return SURE * found.std[name] <= 0.5 * series_scale(seen.circuit)
 
 
 def _finding(name: str, supposed: Circuit, found: Identified) -> Finding:

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which damage of wires and cells explains what an untouched skin reads.
 
-The fabric's cells are alike but for their scatter. A model of the wiring with equal cells is
-compared with the readings; the one damage that explains most of the difference is added to it, and
-the search goes on with what is left, until nothing exceeds the scatter.
+A model of the wiring with equal cells is compared with the readings; the one damage that explains
+most of the difference is added to it, until what is left is the fabric's scatter.
 """
 
 from __future__ import annotations
@@ -12,9 +11,12 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import brentq
 from scipy.special import ndtri
 
+from ...calibration.at_rest import address_bits
 from ...calibration.rest import UNLIKE
+from ...findings.finding import Finding, Kind, at, lines, place
 from ...physics.circuit import Circuit
 
 # Times the usual cell's conductance, of a short: at a crossing, or between two stripes that touch,
@@ -31,7 +33,12 @@ _OHM = 100.0  # ohm of a lead by which readings are tried
 _MISSING = 0.05  # share of its conductance up to which a resistor is missing
 _ROUNDS = 12  # in which the usual cell's resistance is found
 _MOST = 6  # damages that are looked for
+_OF_SIZE = 1e-6  # share to which a cell's conductance is found
 _TRIED = 4  # lines, and cells, that are looked at in each turn
+
+# Ohm of a crossing, below which it is no pressed cell but a short: one of 1 ohm seems to have up to
+# 40 where r_ref or r_par is 10 % off.
+_SHORT = 60.0
 
 
 class Damage(NamedTuple):
@@ -97,16 +104,13 @@ class Wires:
         return replace(self, reads=reads)
 
     def resistance(self) -> np.ndarray:
-        """Return (rows, cols) [ohm] that a divider of r_ref and r_par would read so.
-
-        It is the two-terminal resistance of a floating matrix.
-        """
+        """Return (rows, cols) [ohm] that a divider of r_ref and r_par would read so."""
         rows, cols = self.cells.shape
         indices = np.indices(self.cells.shape)
         nodes = rows + cols
         on_row, on_col = indices[0], indices[1] + rows
-        for axis, line, at in self.cut:
-            part = on_row[line, at:] if axis == 0 else on_col[at:, line]
+        for axis, line, first in self.cut:
+            part = on_row[line, first:] if axis == 0 else on_col[first:, line]
             part[:] = nodes
             nodes += 1
         laplacian = np.zeros((nodes, nodes))
@@ -126,9 +130,6 @@ class Wires:
 
     def fitted(self, rho: np.ndarray, known: np.ndarray) -> tuple[Wires, np.ndarray, np.ndarray]:
         """Return the same with the resistance of the usual cell that the readings give.
-
-        Args:
-            rho, known: as for `search`.
 
         Returns:
             It, its resistance() and (rows, cols) log of what is read over that, NaN: not known.
@@ -150,15 +151,12 @@ def measured_resistance(circuit: Circuit, adc: np.ndarray) -> np.ndarray:
 
 
 def search(circuit: Circuit, rho: np.ndarray, known: np.ndarray, wires: Wires):
-    """Return the damages that explain a rest.
+    """Return the damages that explain a rest, and the wiring with them.
 
     Args:
         rho: (rows, cols) resistance that was measured, as `measured_resistance` [ohm].
         known: (rows, cols) bool, where it was.
         wires: what is known of the wiring.
-
-    Returns:
-        The list of damages, and the wiring with them.
     """
     found: list[Damage] = []
     while True:
@@ -207,14 +205,13 @@ class _Fit:
     def _of_line(self, axis: int, line: int, off: np.ndarray, before: float):
         if any(c[:2] == (axis, line) for c in self.wires.cut):
             return  # the few cells before a cut scatter more
-        model = self.model if axis == 0 else self.model.T
+        model, cells = (of if axis == 0 else of.T for of in (self.model, self.wires.cells))
         # Two stripes that touch read half as much: there another r_par, r_ref or supply shows, too.
         joined = any(a == axis and line in pair for a, *pair in self.wires.joined)
         # Voltage over reading grows by what a lead adds, and with the conductance of its resistor,
         # in proportion.
-        for kind in () if joined else ("lead", "resistor"):
-            if kind == "resistor" and not self._has_resistor(axis, line):
-                continue
+        kinds = ("lead", "resistor") if self._has_resistor(axis, line) else ("lead",)
+        for kind in () if joined else kinds:
             whole = Damage(kind, axis, line, -1, _OHM if kind == "lead" else np.inf, 0.0)
             slope = self._line(axis, line, self.wires.with_one(whole)) - model[line]
             told = np.isfinite(off) & (slope != 0.0)
@@ -225,25 +222,24 @@ class _Fit:
             if share <= 0.0 or abs(added) < _LEAST_LEAD * np.median(model[line]):
                 continue
             share = share if kind == "lead" else min(share, 1.0)
-            gain = before - self._cost(
-                axis, off - np.log(np.maximum(model[line] + share * slope, 1.0) / model[line])
-            )
-            if gain > _LIKELY * before:
-                size, std = _OHM * share, 0.0
-                if kind == "resistor":
-                    left = 1.0 - share
-                    size = self.wires.r_ref[line] / left if left > _MISSING else np.inf
-                else:
-                    n = np.count_nonzero(np.isfinite(off))
-                    log = np.hypot(self.of_lines[axis], _OF_MEDIAN * self.scatter / n**0.5)
-                    std = float(log * np.median(model[line]) * _OHM / np.median(slope))
-                yield Damage(kind, axis, line, -1, size, gain, std)
-        cells = self.wires.cells if axis == 0 else self.wires.cells.T
+            reads = np.maximum(model[line] + share * slope, 1.0)
+            gain = before - self._cost(axis, off - np.log(reads / model[line]))
+            if gain <= _LIKELY * before:
+                continue
+            if kind == "resistor":
+                left = 1.0 - share
+                size = self.wires.r_ref[line] / left if left > _MISSING else np.inf
+                yield whole._replace(size=size, gain=gain)
+            else:
+                n = np.count_nonzero(np.isfinite(off))
+                log = np.hypot(self.of_lines[axis], _OF_MEDIAN * self.scatter / n**0.5)
+                std = float(log * np.median(model[line]) * _OHM / np.median(slope))
+                yield whole._replace(size=_OHM * share, gain=gain, std=std)
         if cells[line].max() > _SHORTED:  # the rest of the line says nothing beside a short
             return
         crossings = np.flatnonzero(cells[line] > 0.0)
-        for at in crossings[1:-1]:  # a cut before the last cell reads like a dead cell
-            damage = Damage("broken", axis, line, int(at), 0.0, 0.0)
+        for first in crossings[1:-1]:  # a cut before the last cell reads like a dead cell
+            damage = Damage("broken", axis, line, int(first), 0.0, 0.0)
             cut = self._line(axis, line, self.wires.with_one(damage))
             gain = before - self._cost(axis, off - np.log(cut / model[line]))
             if gain > _LIKELY * before:
@@ -282,30 +278,16 @@ class _Fit:
             yield damage._replace(gain=gain)
 
     def _size(self, damage: Damage) -> float:
-        """Return what a cell conducts, times the usual one, if it reads as it does.
+        """Return what a cell conducts at least, times the usual one, if it reads as it does."""
+        cell, most = (damage.line, damage.at), 10.0 * _SHORTED
 
-        One conductance of a network changes a voltage by s d / (1 + t d), where d is its change:
-        two others tell s and t.
-        """
-        row, col = damage.line, damage.at
-        g, most = self.wires.cells[row, col], 10.0 * _SHORTED
-        others = np.array([0.5 * g, 2.0 * g])
-        ohm = [self.wires.with_one(damage._replace(size=x)).resistance()[row, col] for x in others]
-        now, first, second, wanted = self.wires.circuit.ratio(
-            np.array([self.model[row, col], *ohm, self.measured[row, col]])
-        )
-        d = others - g
-        one, two = (first - now) / d[0], (second - now) / d[1]
-        if one == two == 0.0:  # it changes nothing
-            return g
-        below = two * d[1] - one * d[0]
-        if below == 0.0:  # a voltage that is proportional to it
-            return most
-        t = (one - two) / below
-        s = one * (1.0 + t * d[0])
-        rise = wanted - now
-        left = s - t * rise
-        return min(max(g + rise / left, 0.0), most) if left > 0.0 else most
+        def off(size: float) -> float:
+            read = self.wires.with_one(damage._replace(size=size)).resistance()
+            return float(np.log(read[cell] / self.measured[cell])) - _OF_SIZE
+
+        if off(0.0) <= 0.0:
+            return 0.0
+        return float(brentq(off, 0.0, most, rtol=_OF_SIZE)) if off(most) < 0.0 else most
 
     def _around(self, off: np.ndarray, row: int, col: int) -> float:
         """chi^2 of a cell's row and column."""
@@ -325,3 +307,48 @@ def _median(values: np.ndarray, axis: int) -> np.ndarray:
     """Median along an axis; 0 where there is no value."""
     empty = np.isnan(values).all(axis, keepdims=True)
     return np.nanmedian(np.where(empty, 0.0, values), axis=axis)
+
+
+def doubled(axis: int, count: int, pairs: list[tuple[int, int]]) -> list[Finding]:
+    """Return stuck address bits of `count` lines, or the pairs of which one line is read twice."""
+    if not (bits := address_bits(pairs, count)):
+        return [Finding(Kind.DOUBLED, **lines(axis, *pair)) for pair in pairs]
+    name, every, found = ("rows", "columns")[axis], lines(axis, *range(count)), []
+    for bit in bits:
+        alike = ", ".join(f"{a} and {b}" for a, b in pairs if a ^ b == 1 << bit)
+        numbers, detail = {"bit": bit}, f"{name} {alike}"
+        found.append(Finding(Kind.DOUBLED, "address bit", **every, numbers=numbers, detail=detail))
+    return found
+
+
+def finding_of(circuit: Circuit, damage: Damage, cell: float, ends: bool = False) -> Finding:
+    """Return the finding of a damage.
+
+    Args:
+        cell: resistance of an untouched cell [ohm].
+        ends: whether the cell's reading is at the ceiling.
+    """
+    if damage.kind == "cell":
+        return _cell(circuit, damage, cell, ends)
+    of = lines(damage.axis, damage.line)
+    if damage.kind == "lead":
+        return Finding(Kind.LEAD, **of, numbers={"ohm": damage.size, "std": damage.std})
+    if damage.kind == "broken":
+        return Finding(Kind.BROKEN, **of, numbers={"before": damage.at, "last": damage.at - 1})
+    if not np.isfinite(damage.size):
+        return Finding(Kind.RESISTOR, "missing", **of)
+    return Finding(Kind.RESISTOR, **of, numbers={"ohm": damage.size, "supposed": circuit.r_ref})
+
+
+def _cell(circuit: Circuit, damage: Damage, cell: float, ends: bool) -> Finding:
+    row, col = damage.line, damage.at
+    of = at((row, col))
+    if damage.size == 0.0:
+        cut = [place((row,), ())] * (col == circuit.cols - 1)
+        cut += [place((), (col,))] * (row == circuit.rows - 1)
+        detail = "".join(f"; {line} may be cut before it" for line in cut)
+        return Finding(Kind.DEAD, **of, numbers={"usual": cell}, detail=detail)
+    numbers = {"ohm": cell / damage.size, "usual": cell}
+    if numbers["ohm"] < _SHORT:
+        return Finding(Kind.SHORT, "cell", **of, numbers=numbers)
+    return Finding(Kind.STUCK, "at the end" if ends else "", **of, numbers=numbers)
