@@ -199,6 +199,24 @@ def test_a_hard_load_that_reads_as_a_light_one_does_is_suspect(kind, hurry, nois
         assert read.force.sum() == pytest.approx(force.sum(), rel=0.15)
 
 
+@pytest.mark.parametrize("noise", [SCAN_NOISE, 0.0])
+@pytest.mark.parametrize("method", ["fixed_point", "newton", "map"])
+@pytest.mark.parametrize("kind", HELD, ids="-".join)
+def test_no_method_believes_the_lighter_of_two_pictures(kind, method, noise):
+    """Line by line only the lighter one is found."""
+    rng = np.random.default_rng(21)
+    mask = rng.random((8, 8)) < 0.8
+    circuit = skin(kind, 8, 8, r_ref=4700.0, r_par=0.0, mask=mask)
+    for newtons in (0.2, 5.0):
+        force = newtons * rng.uniform(0.7, 1.3, circuit.shape) * mask
+        force *= newtons > 1.0 or scenes.finger(8, 8, 4.0, 3.0, 1.0) > 0.05
+        adc = forward(circuit, CURVE.resistance(force))
+        adc = (adc + noise * rng.standard_normal(adc.shape) / 1023.0).clip(0.0, 1.0)
+        found = compensate(np.where(mask, adc, np.nan), circuit, CURVE, method, noise=noise)
+        assert (found.status == "ok") == (newtons < 1.0), found.message
+        assert found.force.sum() > 0.8 * force.sum()
+
+
 @pytest.mark.parametrize("method", ["fixed_point", "newton", "map"])
 @pytest.mark.parametrize("kind", HELD, ids="-".join)
 def test_a_palm_on_a_matrix_of_another_shape_is_felt_in_full(kind, method):
