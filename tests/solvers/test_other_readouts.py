@@ -100,6 +100,23 @@ def test_a_cell_that_is_not_read_has_a_large_standard_deviation(kind, newtons):
         assert abs(found.force[6, 8] - 5.0) < found.std[6, 8]
 
 
+@pytest.mark.parametrize("kind", [("floating", "rows"), *KINDS, *HELD], ids="-".join)
+def test_a_pressed_cell_that_is_not_read_lies_within_its_standard_deviation(kind):
+    """As far as the others tell of it, which lose little or nothing to it, is what it says."""
+    rng, off = np.random.default_rng(61), []
+    for _ in range(12):
+        circuit = skin(kind, r_ref=rng.choice([500.0, 4700.0]), r_par=rng.choice([0.0, 326.0]))
+        force, at = np.zeros(circuit.shape), tuple(rng.integers(circuit.shape))
+        force[at] = 5.0
+        adc = forward(circuit, CURVE.resistance(force))
+        adc = (adc + SCAN_NOISE / 1023 * rng.standard_normal(adc.shape)).clip(0.0, 1.0)
+        adc[at] = np.nan
+        found = compensate(adc, circuit, CURVE, missing=True, noise=SCAN_NOISE)
+        off.append(abs(found.force[at] - 5.0) / found.std[at])
+    assert np.median(off) < 1.0
+    assert max(off) < 3.5
+
+
 @pytest.mark.parametrize("kind", [*KINDS, *HELD], ids="-".join)
 def test_an_untouched_skin_rests_and_a_stream_goes_on(kind):
     circuit, rng = skin(kind), np.random.default_rng(5)
