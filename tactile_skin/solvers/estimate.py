@@ -122,7 +122,7 @@ def where_unread(reading, model, force: np.ndarray, std: np.ndarray, equations=N
 
     How likely it is that such a cell conducts more or less is said by what that adds to chi^2, past
     what the other unknowns of a fit can take of it. A reading is the ratio of two linear functions
-    of one conductance, so its slope and what it is with the cell at an end tell what it is between.
+    of one conductance, so its slope and what it is with the cell at an end give all between.
     Where nothing is added, all forces are as likely.
 
     Args:
