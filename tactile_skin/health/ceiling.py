@@ -23,7 +23,8 @@ from ..solvers.suspect import BEYOND
 from .check import ABOVE, Check, Seen, Window
 
 _CHANCE = 1e-5  # of a sound skin's readings standing at one height, in one window
-# Share of the count of readings that stood still, of all, and of the least noise that a window renews.
+# Share of the count of readings that stood still, of all, and of the least noise, that a window
+# renews.
 _FORGET = 0.01
 _MOVES = 20.0  # times the noise by which those beside them differ when they stand there again
 _BESIDE = np.ones((3, 3))  # a cell and its neighbours
