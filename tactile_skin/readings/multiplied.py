@@ -17,8 +17,8 @@ _SLOWEST, _FASTEST = 0.05, 0.45  # lines a number: below, touches have such rhyt
 _BITS_RHYTHM = 32  # an ADC's own steps differ in the rhythm of its bits, multiples of 1 in so many
 _WIDTH = 3.0  # of a line, over the numbers that were read
 _BESIDE = 256  # places of the spectrum whose median a line is compared with
-# Times that median: 2^-40 of all places by chance. 4 sound boards in 90 exceeded 15, none 18; of 30
-# that print millivolts 22 exceeded 40, those with loaded readouts 52 (benchmarks/doctor/entries.py,
+# Times that median: 2^-40 of all places by chance. None of 60 boards that print steps exceeded 18;
+# of 30 that print millivolts 21 exceeded this, all loaded ones 50 (benchmarks/doctor/entries.py,
 # seeds 5010 to 5039, a minute of touches).
 _LINE = 40.0
 
