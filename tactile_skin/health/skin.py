@@ -36,6 +36,7 @@ _LONGEST = 0.5  # s: a push must not wait for longer
 # s for which a touch counts as beginning, and `auto` hurries: a board's low-pass mixes scans then
 # (two frames at 100 a second), and a fit takes longest where no picture explains the readings.
 _BEGINS = 0.025
+_ENDED = 1.0  # s for which readings at the end of the range count
 _FOLLOW = 0.1  # share of the usual interval between frames that each frame renews
 
 
@@ -97,6 +98,7 @@ class Skin:
         self._rested = -np.inf  # s, of the last frame in which nothing touched
         self._doubts = 0  # frames in a row
         self._ended = 0  # readings of the last frame at the end of the ADC's range
+        self._ended_at = -np.inf  # s, of the last frame in which some were
         self.waits = follows
         self.status, self.message, self.residual, self.force = "ok", "", 0.0, 0.0
         self._doubt: Finding | None = None  # of the last frame
@@ -160,6 +162,7 @@ class Skin:
         at_end = self._adc.bounds(adc) & (adc >= self._adc.range[1])
         at_end |= adc >= self.circuit.near_short
         self._ended = int(np.count_nonzero(at_end))
+        self._ended_at = t if self._ended else self._ended_at
         force = None
         if estimate.status != "failed":
             self._rest(t, adc, estimate)
@@ -270,9 +273,27 @@ class Skin:
         return rest if isinstance(rest, np.ndarray) else None
 
     @property
+    def ends(self) -> bool:
+        """Whether readings have just been at the end of the ADC's range."""
+        return 0.0 <= self._at - self._ended_at < _ENDED
+
+    @property
     def unknown_series(self) -> float:
         """By how much what lies in series may exceed that of `circuit` [ohm]."""
         return self._tracker.unknown
+
+    @property
+    def hidden_series(self) -> float:
+        """What readings may hide of a touch as so much more in series does [ohm].
+
+        That is the noise of a reading near a short circuit, of all readings of a sense line where
+        they share their sum; and at the end of the range all that reads so.
+        """
+        circuit, end = self.circuit, min(self._adc.range[1], self.circuit.near_short)
+        readings = circuit.shape[circuit.sense_axis] if circuit.readout_class.shares_sum else 1
+        noise = max(self._tare.noise or SCAN_NOISE, ROUNDING_NOISE) * readings**0.5
+        hidden = np.hypot(self.unknown_series, circuit.r_ref * noise / circuit.full_scale)
+        return float(hidden + (circuit.two_terminal(np.array(end)) if self.ends else 0.0))
 
     def values(self) -> dict[str, str]:
         """For diagnostics."""

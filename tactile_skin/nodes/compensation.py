@@ -118,8 +118,10 @@ class Compensation:
         except ValueError as error:
             force = self.skin.refuse(str(error))
         else:
-            stopped = self._level == diagnostics.ERROR
+            stopped, ended = self._level == diagnostics.ERROR, self.skin.ends
             force = self.skin.frame(t, samples, late=late, stopped=stopped)
+            if self.skin.ends and not ended:  # the stop must know before it has the picture
+                self.report()
         self._fitted_at = taken if self.skin.fitted else self._fitted_at
         if force is not None:
             self._pressure.publish(image(force / self.cell_area, "32FC1", msg.header))
@@ -188,7 +190,7 @@ class Compensation:
         values = self.skin.values() | {
             "method": self._method,
             diagnostics.WAITING: str(self._waiting).lower(),
-            diagnostics.UNKNOWN_SERIES: f"{self.skin.unknown_series:.1f}",
+            diagnostics.UNKNOWN_SERIES: f"{self.skin.hidden_series:.1f}",
             "skipped": self.skipped,
         }
         if self._finding:

@@ -43,6 +43,7 @@ METHODS = {
 # Arguments of each method beside the reading. `start` is allowed with all: a stream passes it on
 # whatever its method.
 _TAKES = {name: tuple(inspect.signature(m).parameters)[1:] for name, m in METHODS.items()}
+_LIGHT = "fixed_point", "newton"  # of two pictures that fit alike they find the lighter one only
 _GUESS = 4, 8  # steps of the fixed point by which what the stripes add is first guessed
 _LEAST_SHARE = 0.1  # of a change, that is taken,
 _MOST_SHARE = 2.0  # and at most
@@ -77,7 +78,8 @@ def compensate(
             literature's g <- g * rho(g) / rho_measured), "newton" (the exact inverse), "map"
             (least squares in ADC steps with a prior), "cnn" (the paper's network), "physics" (one
             that is fed with the circuit's physics), or "auto" (the cheapest that the frame
-            allows; `Estimate.method` names it, "rest" if nothing touches).
+            allows; `Estimate.method` names it, "rest" if nothing touches). Where a light picture
+            and a hard one may fit alike, "map" stands for "fixed_point" and "newton", too.
         weights: a `network.Weights` for cnn and physics; None: those of the package.
         start: the last frame's estimate, from which newton, map and auto then go on, and which the
             others ignore; every frame of a batch goes on from it.
@@ -129,6 +131,8 @@ def _one(reading: Reading, method: str, given: dict) -> Estimate:
     taken from a guess, and from the estimate until it stays.
     """
     stripes = reading.circuit.stripes
+    if method in _LIGHT and reading.may_fit_two and reading.all_cells_read:
+        method, given = "map", {"start": given.get("start")}
     solve = METHODS[method]
     if stripes is None or method == "naive":
         return solve(reading, **given)

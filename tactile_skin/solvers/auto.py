@@ -51,16 +51,20 @@ def _idle_estimate(reading: Reading, rest: np.ndarray) -> Estimate | None:
     most = max(_IDLE_PEAK * reading.noise, EXACT * reading.circuit.full_scale)
     if max(misfit.max(), -misfit.min()) > most or (reading.noise and by_residual(reading, rest)):
         return None
-    idle = _idle(reading.circuit, reading.curve, reading.noise)
-    if not reading.all_cells_read:
-        g = reading.bounds[0] * reading.circuit.populated
-        model = reading.linearised(g, reading.fitted_noise)
-        idle = replace(idle, std=where_unread(reading, model, idle.force, idle.std))
+    read = (reading.informative | ~reading.circuit.populated).tobytes()
+    idle = _idle(reading.circuit, reading.curve, reading.noise, read)
     return replace(idle, residual=reading.rms(misfit))
 
 
 @lru_cache(maxsize=16)
-def _idle(circuit, curve, noise: float) -> Estimate:
-    """Return the estimate of an untouched skin."""
-    reading = check_reading(rest_reading(circuit, curve), circuit, curve, noise=noise)
-    return estimate_from_force(np.zeros(circuit.shape), reading, "rest")
+def _idle(circuit, curve, noise: float, read: bytes) -> Estimate:
+    """Return the estimate of an untouched skin of which these readings, (rows, cols) bool, came."""
+    came = np.frombuffer(read, bool).reshape(circuit.shape)
+    adc = np.where(came, rest_reading(circuit, curve), np.nan)
+    reading = check_reading(adc, circuit, curve, noise=noise, missing=True)
+    idle = estimate_from_force(np.zeros(circuit.shape), reading, "rest")
+    if reading.all_cells_read:
+        return idle
+    g = reading.bounds[0] * circuit.populated
+    model = reading.linearised(g, reading.fitted_noise)
+    return replace(idle, std=where_unread(reading, model, idle.force, idle.std))

@@ -12,6 +12,9 @@ import numpy as np
 from ..findings.finding import Finding
 from ..physics.circuit import Circuit
 
+_TRIED = 17  # conductances that are tried for a cell that was not read, from end to end
+_FAR = 3.0  # standard deviations from which on nothing is likely
+_ROUNDING = 1e-6  # standard deviations of a reading, and a share, that are none
 _SIGNS = np.array([1.0, -1.0])[:, None, None]
 
 
@@ -117,28 +120,52 @@ def spread(curve, log_g: np.ndarray, std_x: np.ndarray) -> np.ndarray:
 def where_unread(reading, model, force: np.ndarray, std: np.ndarray, equations=None) -> np.ndarray:
     """Return std [N] that is as large for cells that were not read as other readings leave it.
 
-    Near rest log g says nothing of that: many times the conductance at rest is a light touch. Such
-    a cell may conduct 1 / sqrt(information) more, by all readings, past what the other unknowns of
-    a fit can take of it. Where they say nothing all forces are as likely.
+    How likely it is that such a cell conducts more or less is said by what that adds to chi^2, past
+    what the other unknowns of a fit can take of it. A reading is the ratio of two linear functions
+    of one conductance, so its slope and what it is with the cell at an end give all between.
+    Where nothing is added, all forces are as likely.
 
     Args:
         model: the `Linearised` of the reading there.
         equations: `prior.NormalEquations` of the fit; None: all cells are at rest, or too many.
     """
-    circuit, curve = reading.circuit, reading.curve
+    circuit, curve, g = reading.circuit, reading.curve, model.g
     unread = circuit.populated & ~(reading.known | reading.capped | reading.topped)
     cells, readings = (np.flatnonzero(a).astype(np.int32) for a in (unread, model.weight))
     if not cells.size:
         return std
-    jacobian = model.jacobian(readings, cells).astype(float)
+    basis = np.zeros((readings.size, 0))
     if equations is not None:
         touched = equations.unknowns[~unread.flat[equations.unknowns]]
-        taken = model.jacobian(readings, touched) * model.g.flat[touched]
+        taken = model.jacobian(readings, touched) * g.flat[touched]
         taken = np.concatenate([taken, np.eye(touched.size)])  # their log g is known to 1
-        jacobian = np.concatenate([jacobian, np.zeros((touched.size, cells.size))])
-        jacobian -= taken @ np.linalg.lstsq(taken, jacobian, rcond=None)[0]
-    more = np.zeros(unread.shape)
-    more.flat[cells] = 1.0 / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-9)
-    harder = curve.force(1.0 / np.where(unread, model.g + more, 1.0)) - force
-    left = (curve.max_force - force) / 3**0.5
-    return np.where(unread, np.maximum(std, np.minimum(harder, left)), std)
+        basis = np.linalg.qr(taken)[0][: readings.size]
+
+    def chi2(left: np.ndarray) -> np.ndarray:
+        return np.square(left).sum(0) - np.square(basis.T @ left).sum(0)
+
+    low, high = reading.bounds
+    end = np.where(g < np.sqrt(low * high), high, low)
+    there = np.empty((readings.size, cells.size))  # what changes with each cell at its end
+    for k, cell in enumerate(cells):
+        other = g.copy()
+        other.flat[cell] = end.flat[cell]
+        there[:, k] = ((reading.model(other) - model.adc) * model.weight).flat[readings]
+    slopes = model.jacobian(readings, cells) * (end - g).flat[cells]
+    # 1 + t d of a change of d, t >= 0; not where there is nothing but rounding
+    bend = np.divide(slopes, there, out=np.ones_like(there), where=np.abs(there) > _ROUNDING)
+    up = (end > g).flat[cells]
+    bend = np.clip(bend, np.where(up, 1.0, _ROUNDING), np.where(up, np.inf, 1.0))
+    misfit = model.misfit.flat[readings][:, None]
+    before, least = chi2(misfit), np.zeros(cells.size)
+    for log_g in np.linspace(np.log(low), np.log(high), _TRIED):
+        part = ((np.exp(log_g) - g) / (end - g)).flat[cells]
+        change = there * bend * part / (1.0 + (bend - 1.0) * part)
+        times = np.sqrt(np.maximum(chi2(misfit - change) - before, 1.0))
+        off = np.abs(curve.force_at(log_g) - force).flat[cells]
+        least = np.where(times < _FAR, np.maximum(least, off / times), least)
+    full = curve.max_force
+    any_force = np.sqrt(((full - force) ** 3 + force**3) / (3.0 * full))
+    std = std.copy()
+    std.flat[cells] = np.maximum(std.flat[cells], np.minimum(least, any_force.flat[cells]))
+    return std

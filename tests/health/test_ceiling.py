@@ -156,6 +156,25 @@ def test_hard_touches_of_a_sound_board_have_none():
         assert not any(board.frames(10))
 
 
+@pytest.mark.parametrize("harder", [0.0, 650.0])
+def test_palms_that_tremble_at_one_height_are_no_ceiling(harder):
+    """All readings tremble with them, which is no noise: so many stand together in its width."""
+    board, said = Clipped(noise=0.3), []
+    board.texture[...] = np.exp(0.01 * board.rng.standard_normal((8, 8)))
+    still = board.picture
+    board.frames(200)
+    if harder:
+        said += board.frames(40, harder, np.s_[0:1, 0:1])
+    for beside in (0.0, 350.0):
+        for _ in range(60):
+            board.picture = still + 6.0 * board.rng.standard_normal()
+            board.picture[1::4] += beside
+            said.append(board.frame(400.0))
+        board.picture = still
+        said += board.frames(40)
+    assert not any(said)
+
+
 def test_a_flat_touch_that_comes_again_is_no_ceiling():
     """Four cells alike, twice at one height, and another touch elsewhere the second time."""
     board = Clipped(noise=0.5)

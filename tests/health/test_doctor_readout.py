@@ -13,6 +13,7 @@ from support.kirchhoff import forward_voltage
 from support.lab.board import KNOTS, FaultBoard
 from support.lab.touches import everyday
 from support.marks import ci, slow
+from support.strangers import sim as stranger
 
 from tactile_skin import Circuit, PressureCurve, compensate, diagnose, measure_rest
 from tactile_skin.board.protocol import BinaryParser
@@ -51,6 +52,25 @@ def touched(circuit, seed, ties=()):
     steps = board.ratio(force[:: KNOTS // 20]) * 1023.0
     steps += 0.5 * rng.standard_normal(steps.shape)
     return np.clip(np.rint(steps), 0.0, 1023.0) / 1023.0
+
+
+@pytest.mark.parametrize("kind", KINDS, ids="-".join)
+def test_a_virtual_ground_raises_no_reading_beside_a_touch(kind):
+    """Though it fits any readings, each by its own cell."""
+    circuit = skin(kind)
+    frames = touched(circuit, 23)
+    (finding,) = diagnose(frames, replace(circuit, readout="virtual_ground"), series=False)
+    assert finding.change.circuit.readout_class is circuit.readout_class
+    assert finding.change.circuit.driven == circuit.driven
+    assert "as configured" in str(finding)
+
+
+def test_light_touches_of_a_virtual_ground_that_others_fit_as_well_accuse_nobody():
+    rng = np.random.default_rng(7)
+    circuit = Circuit(12, 10, r_ref=100.0, r_par=25.0, readout="virtual_ground")
+    force = stranger.touches(circuit.shape, 60.0, 10, seed=7, rest=6.0, hard=(2, 10))
+    steps = stranger.counts(circuit, stranger.fabric(circuit), force, rng, noise=1.0)
+    assert not diagnose(steps / circuit.full_scale, circuit, series=False)
 
 
 @pytest.fixture(scope="module")

@@ -100,6 +100,23 @@ def test_a_cell_that_is_not_read_has_a_large_standard_deviation(kind, newtons):
         assert abs(found.force[6, 8] - 5.0) < found.std[6, 8]
 
 
+@pytest.mark.parametrize("kind", [("floating", "rows"), *KINDS, *HELD], ids="-".join)
+def test_a_pressed_cell_that_is_not_read_lies_within_its_standard_deviation(kind):
+    """As far as the others tell of it, which lose little or nothing to it, is what it says."""
+    rng, off = np.random.default_rng(61), []
+    for _ in range(12):
+        circuit = skin(kind, r_ref=rng.choice([500.0, 4700.0]), r_par=rng.choice([0.0, 326.0]))
+        force, at = np.zeros(circuit.shape), tuple(rng.integers(circuit.shape))
+        force[at] = 5.0
+        adc = forward(circuit, CURVE.resistance(force))
+        adc = (adc + SCAN_NOISE / 1023 * rng.standard_normal(adc.shape)).clip(0.0, 1.0)
+        adc[at] = np.nan
+        found = compensate(adc, circuit, CURVE, missing=True, noise=SCAN_NOISE)
+        off.append(abs(found.force[at] - 5.0) / found.std[at])
+    assert np.median(off) < 1.0
+    assert max(off) < 3.5
+
+
 @pytest.mark.parametrize("kind", [*KINDS, *HELD], ids="-".join)
 def test_an_untouched_skin_rests_and_a_stream_goes_on(kind):
     circuit, rng = skin(kind), np.random.default_rng(5)
@@ -197,6 +214,24 @@ def test_a_hard_load_that_reads_as_a_light_one_does_is_suspect(kind, hurry, nois
         read = compensate(adc, circuit, CURVE, noise=noise)
         assert read.status == "ok"
         assert read.force.sum() == pytest.approx(force.sum(), rel=0.15)
+
+
+@pytest.mark.parametrize("noise", [SCAN_NOISE, 0.0])
+@pytest.mark.parametrize("method", ["fixed_point", "newton", "map"])
+@pytest.mark.parametrize("kind", HELD, ids="-".join)
+def test_no_method_believes_the_lighter_of_two_pictures(kind, method, noise):
+    """Line by line only the lighter one is found."""
+    rng = np.random.default_rng(21)
+    mask = rng.random((8, 8)) < 0.8
+    circuit = skin(kind, 8, 8, r_ref=4700.0, r_par=0.0, mask=mask)
+    for newtons in (0.2, 5.0):
+        force = newtons * rng.uniform(0.7, 1.3, circuit.shape) * mask
+        force *= newtons > 1.0 or scenes.finger(8, 8, 4.0, 3.0, 1.0) > 0.05
+        adc = forward(circuit, CURVE.resistance(force))
+        adc = (adc + noise * rng.standard_normal(adc.shape) / 1023.0).clip(0.0, 1.0)
+        found = compensate(np.where(mask, adc, np.nan), circuit, CURVE, method, noise=noise)
+        assert (found.status == "ok") == (newtons < 1.0), found.message
+        assert found.force.sum() > 0.8 * force.sum()
 
 
 @pytest.mark.parametrize("method", ["fixed_point", "newton", "map"])

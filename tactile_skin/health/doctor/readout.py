@@ -18,6 +18,7 @@ from ...physics.adc import Adc
 from ...physics.circuit import Circuit
 from ...physics.curve import PressureCurve
 from ...physics.readouts import DRIVEN, PASSIVE
+from ...solvers import Estimate
 from ...solvers.suspect import MODEL_ERROR
 from .advice import OFF_END, Change, felt, is_safe, of_other_scale
 
@@ -30,6 +31,9 @@ FITS = 4.0  # and times the noise
 # to 1000 ohm) were missed by 34 at least, added up to 1.4 and left 0 to 0.66 unmoved.
 _NEVER = 20.0  # times the noise by which all of them miss the touches, with r_par and without
 _ADDS_UP = 1.2  # full scales, along a row and along a column
+# Crossings that a touch raises though nothing presses there: behind a virtual ground none are.
+_RAISED = 4
+_IDLE = 0.01  # of the force of `_explained` at its end: up to twice the conductance at rest
 _UNMOVED = 0.02  # share of the crossings on the lines of a touch that read as at rest
 _RISEN = 0.2  # of full scale: a touched crossing
 _R_PAR = (0.0, 30.0, 100.0, 300.0)  # ohm that are tried at first: of drivers and multiplexers
@@ -88,8 +92,12 @@ class Fitting(NamedTuple):
             form = "r_par at most" if first.circuit.r_par > _NONE else "r_par 0 or scale"
         elif only:
             kind, form = (Kind.READOUT, "") if first.scale == 1.0 else (Kind.BITS, "width")
+            form = "raised" if self.supposed <= _EXPLAINED else form
             said["settings"] = entered(first.settings(supposed))
         read = " or ".join(_read(supposed, change) for change in self.changes)
+        if form == "raised":
+            read = _wired(supposed)
+            return Finding(kind, form, numbers=said, detail=read, change=first)
         detail = (
             f"the touches fit {read} to {self.left:.1f} times the noise, and {_wired(supposed)}, "
             f"r_par = {supposed.r_par:g} ohm"
@@ -122,8 +130,10 @@ def _read(supposed: Circuit, change: Change) -> str:
 def other(supposed: Circuit, seen: Touched) -> Fitting | None:
     """Return what explains the touches instead; None: the supposed circuit does."""
     own = misses(supposed, seen)
-    if own <= _EXPLAINED or not len(seen.touches):
+    if not len(seen.touches):
         return None
+    if own <= _EXPLAINED:
+        return None if supposed.has_cross_talk else _raised(supposed, seen, own)
     tried = [(misses(c.circuit, seen.after(c)), c) for c in _others(supposed, seen)]
     if own > FITS:
         tried.append(_with_r_par(supposed, seen))
@@ -141,6 +151,27 @@ def other(supposed: Circuit, seen: Touched) -> Fitting | None:
     quiet, alike = np.arange(len(frames)) == 0, _as_good(left)
     changes = [c for off, c in tried if off <= alike and is_safe(c, frames, quiet, seen.noise)]
     return Fitting(changes, left, own)
+
+
+def _raised(supposed: Circuit, seen: Touched, own: float) -> Fitting | None:
+    """Return the readout by which touches raise crossings where nothing presses; None: none is.
+
+    A virtual ground fits whatever is read, each crossing by its own cell.
+    """
+    fitting = []
+    for change in _others(supposed, seen):
+        if change.circuit.has_cross_talk and (off := misses(change.circuit, seen)) <= _EXPLAINED:
+            fitting.append((off, change))
+    for _, change in fitting:
+        idle = [found.force < _IDLE for found in _explained(change.circuit, seen)]
+        rose = seen.touches > seen.rest + OFF_END * (seen.noise + 1.0) / supposed.full_scale
+        if np.median((rose & idle).sum((1, 2))) < _RAISED:
+            return None
+    fitting.sort(key=lambda pair: pair[0])
+    frames = np.concatenate([seen.rest[None], seen.touches])
+    quiet = np.arange(len(frames)) == 0
+    changes = [c for _, c in fitting if is_safe(c, frames, quiet, seen.noise)]
+    return Fitting(changes, fitting[0][0], own) if changes else None
 
 
 def _as_good(left: float) -> float:
@@ -197,16 +228,21 @@ def _with_r_par(supposed: Circuit, seen: Touched) -> tuple[float, Change]:
 def misses(circuit: Circuit, seen: Touched) -> float:
     """Median over the touches of the RMS misfit, in noise and model error; infinity: no rest."""
     try:
-        rest = resting_conductance(seen.rest, circuit, seen.noise)
-        usual = 1.0 / np.median(rest[circuit.populated])
-        rest = np.where(circuit.populated, np.maximum(rest, 2.0 / (usual * REST_SPAN)), 1.0 / usual)
-        curve = PressureCurve((0.0, 1.0), (usual, usual / REST_SPAN)).resting_at(1.0 / rest)
+        explained = _explained(circuit, seen)
     except ValueError:  # no cells read so, or one conducts as much as a pressed one
         return np.inf
     left = []
-    for touch in seen.touches:
-        found = felt(touch, circuit, curve, seen.noise)
+    for touch, found in zip(seen.touches, explained, strict=True):
         error = MODEL_ERROR * circuit.full_scale * np.sqrt(np.nanmean(np.square(touch)))
         missed = found.residual / np.hypot(seen.noise, error)
         left.append(np.inf if found.status == "failed" else missed)
     return float(np.median(left)) if left else 0.0
+
+
+def _explained(circuit: Circuit, seen: Touched) -> list[Estimate]:
+    """Return what each touch is by a circuit, of a fabric from its rest to 1 N; or ValueError."""
+    rest = resting_conductance(seen.rest, circuit, seen.noise)
+    usual = 1.0 / np.median(rest[circuit.populated])
+    rest = np.where(circuit.populated, np.maximum(rest, 2.0 / (usual * REST_SPAN)), 1.0 / usual)
+    curve = PressureCurve((0.0, 1.0), (usual, usual / REST_SPAN)).resting_at(1.0 / rest)
+    return [felt(touch, circuit, curve, seen.noise) for touch in seen.touches]

@@ -9,6 +9,7 @@ from scipy.ndimage import label
 from ...calibration.rest import NOISY, resting_conductance
 from ...calibration.touched import MOVED
 from ...findings.finding import Finding, Kind, at
+from ...readings.multiplied import Multiplied
 from ...readings.processed import AT_END
 from ...readings.processed import Kind as Done
 from ...readings.processed import processed as processing
@@ -34,7 +35,10 @@ def processed(seen: Recorded) -> Finding | None:
             done = processing(np.round(steps - shift, DECIMALS), seen.circuit.adc_bits)
             if done and done.kind in kinds:
                 return Finding(Kind.ZEROS, detail=str(done))
-    return None
+    numbers = Multiplied(seen.circuit.shape, seen.circuit.adc_bits)
+    for picture in seen.steps:
+        numbers.frame(picture)
+    return Finding(Kind.ZEROS, "multiplied") if numbers.found else None
 
 
 def at_an_end(seen: Recorded) -> Finding | None:
