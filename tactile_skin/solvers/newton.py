@@ -28,7 +28,7 @@ MAX_STEPS = 40  # 5 is usual; bounds the time of readings that no circuit explai
 # driven line: so little that no cell is off by 1e-3 g.
 EXACT = 1e-9
 _DONE = 1e-7  # relative step of g; a thousandth of a gram is 6e-7 at full load
-_DONE_NOISY = 1e-3  # the same of a noisy reading: the step itself leaves a twentieth of it
+_DONE_NOISY = 1e-4  # the same of a noisy reading: the step itself leaves a twentieth of it
 _ROUNDS = 2  # in which the unknowns of a step are found
 # Times its noise by which a valid reading is missed: where a bound acts, this is the best fit in
 # another measure than ADC steps. 2 in 1,000 exceed 2, 1 in 10,000 exceeds 2.5.
@@ -79,9 +79,10 @@ def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:
     rho_measured = reading.rho
     network = readouts.solve(reading.circuit, g)
     # What noise explains of a cell at rest is left: else it lifts half of them, one step by another.
+    noise = reading.noise if reading.noise_given else 0.0
     scale, offset = reading.apparent
     falls = np.square(rho_measured + offset) / (circuit.r_ref * scale)  # - d rho / d adc
-    chance = _SLACK * reading.noise / circuit.full_scale * falls
+    chance = _SLACK * noise / circuit.full_scale * falls
     free, solve, last = np.zeros(0, int), None, np.inf
     done = _DONE_NOISY if reading.noise else _DONE
     for iteration in range(MAX_STEPS):
