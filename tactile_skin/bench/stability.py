@@ -36,7 +36,8 @@ FAILS_SHARE = 0.2  # of the cells' load
 SILENT = 0.02  # share of the frames beyond which silent failures are listed
 METHOD = "auto"  # that a robot uses
 _RATE = 100.0  # frames a second
-_AT_REST, _LEARNT = 125, 30  # frames without a touch, and of touches, that a running skin has seen
+_AT_REST = 125  # frames without a touch that a running skin has seen,
+_LEARNT = 30  # and of touches
 _COMPARED = 5  # frames of each board that all methods are compared by
 
 
@@ -213,7 +214,8 @@ _SECTIONS = {  # of troubles, by what becomes of them on a running skin
     "told": "The robot stops, with the reason",
     "right": "Compensated",
 }
-_STRIP, _BAR = 4.6, 0.62  # width of a row's bars [inches], height of a bar [rows]
+_STRIP = 4.6  # inches, width of a row's bars
+_BAR = 0.62  # rows, height of a bar
 
 
 def draw(data: dict):

@@ -39,7 +39,8 @@ from .protocol import VERSION, crc16
 MAGIC = b"\xa5\xd5"
 COMMAND_MAGIC = 0xC5
 DESCRIBE, RATE, FILTER, RAW = "drfu"
-RATES, FILTERS = (1, 100), (1, 8)  # the least and the most
+RATES = 1, 100  # frames a second, the least and the most
+FILTERS = 1, 8  # eighths of a new reading that the low-pass takes, the same
 _BODY = struct.Struct("<2s8BHB")
 _COMMAND = struct.Struct("<BcB")
 _CRC = struct.Struct("<H")

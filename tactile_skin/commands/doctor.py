@@ -52,7 +52,8 @@ _KINDS: dict[str, type] = {
 }
 _LIVE = ("baud", "protocol", "seconds")
 _SECONDS = 5.0, 3600.0
-_CORRUPT, _LOST = 0.005, 0.05  # shares of the frames from which on the link is bad
+_CORRUPT = 0.005  # share of the frames damaged, from which the link is bad;
+_LOST = 0.05  # the same of frames lost
 
 
 def register(parser) -> None:

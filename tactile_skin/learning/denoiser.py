@@ -16,9 +16,10 @@ import numpy as np
 from .convolution import convolve, layer_of
 
 SHIPPED = Path(__file__).parent / "weights" / "touches.npz"
-INPUTS, OUTPUTS = 5, 2
-# Ends between which a standard deviation of x, and that of a cell's own reading, are told apart.
-STD, OWN = (0.003, 3.0), (1e-3, 1e3)
+INPUTS = 5  # pictures that it is given
+OUTPUTS = 2  # shift of x over its standard deviation; log of the share of this that is left
+STD = 0.003, 3.0  # ends between which a standard deviation of x makes a difference
+OWN = 1e-3, 1e3  # the same of d reading / d x
 SHARE = -3.0, 4.0  # ends of log(the answer's standard deviation over the fit's)
 
 

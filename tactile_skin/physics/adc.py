@@ -21,10 +21,10 @@ from .circuit import Circuit
 
 Samples: TypeAlias = npt.NDArray[np.uint16]  # of skin/adc
 NOT_READ = 65535  # of skin/adc: no reading of this crossing; the largest reading is one less
-# V that a diode takes more for e times the current, n k T / q at 25 degrees: n is 1.0 to 1.1 of
-# Schottky diodes, 1.75 of a 1N4148 and 1.8 of a 1N4007 (SPICE models). At 1 mA the former take less
-# than _SCHOTTKY, the latter more.
-_SCHOTTKY, _SLOPES = 0.4, (0.027, 0.045)  # V
+_SCHOTTKY = 0.4  # V at 1 mA: Schottky diodes take less, others more
+# V that such a diode, and another, takes more for e times the current, n k T / q at 25 degrees: n
+# is 1.0 to 1.1 of Schottky diodes, 1.75 of a 1N4148 and 1.8 of a 1N4007 (SPICE models).
+_SLOPES = 0.027, 0.045
 _DIODE_AT = 1e-3  # A
 _LEAST_CURRENT = 1e-9  # A: no reading says less
 _DIODE_ROUNDS = 12  # of a fixed point that gains two digits each

@@ -13,7 +13,8 @@ import numpy as np
 _MOST_BITS = 14  # of an ADC: with more, readings of any scale are integers
 _MOST_CELLS = 256  # that are followed
 _WHOLE = 0.02  # of a step by which an integer may be missed: as ratios keep them
-_SLOWEST, _FASTEST = 0.05, 0.45  # lines a number: below, touches have such rhythms
+_SLOWEST = 0.05  # lines a number: below, touches have such rhythms
+_FASTEST = 0.45  # the same: above, the least bit of an ADC has
 _BITS_RHYTHM = 32  # an ADC's own steps differ in the rhythm of its bits, multiples of 1 in so many
 _WIDTH = 3.0  # of a line, over the numbers that were read
 _BESIDE = 256  # places of the spectrum whose median a line is compared with

@@ -78,7 +78,7 @@ def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:
     top = high / BOUND
     rho_measured = reading.rho
     network = readouts.solve(reading.circuit, g)
-    # What noise explains of a cell at rest is left: else it lifts half of them, one step by another.
+    # A cell at rest is left there if noise explains it: else half of them are lifted, in turns.
     noise = reading.noise if reading.noise_given else 0.0
     scale, offset = reading.apparent
     falls = np.square(rho_measured + offset) / (circuit.r_ref * scale)  # - d rho / d adc

@@ -15,7 +15,8 @@ HERE = Path(__file__).parent
 MAX_LINES = 16  # channels of a multiplexer
 ADC_MHZ = 2, 1  # clocks of the ADC: board.h says what each costs
 CHIP = "atmega328p"
-FLASH, RAM = 32256, 2048  # bytes: 32 KiB less those of the boot loader; SRAM
+FLASH = 32256  # bytes: 32 KiB less those of the boot loader (ATmega328P)
+RAM = 2048  # bytes
 _COMPILE = ("avr-gcc", f"-mmcu={CHIP}", "-DF_CPU=16000000UL", "-std=c11", "-O2", "-g")
 _WARNINGS = ("-Wall", "-Wextra")
 
