@@ -20,7 +20,7 @@ _ENOUGH = 4  # of them at least, else the minimum holds
 _LATELY = 5  # last intervals that the message is based on
 _NEWS = 1.25  # factor by which a number must change before the text does: each text calls the hooks
 _ADVISED = 3.0  # usual intervals that the message advises
-_MAX_PARAMETER = 1.0  # s, upper limit of the parameter stale_after
+MAX_PARAMETER = 1.0  # s, upper limit of the parameter stale_after
 
 
 class Pace:
@@ -88,8 +88,8 @@ class Pace:
         text = f"readings come every {self._named:.2g} s, but stale_after = {limit:.2g} s"
         if self.measured:
             return f"{text}, measured, at most {MAX_STALE_AFTER:g} s: let the board send more often"
-        if _ADVISED * self._named > _MAX_PARAMETER:
-            return f"{text}, at most {_MAX_PARAMETER:g} s: let the board send more often"
+        if _ADVISED * self._named > MAX_PARAMETER:
+            return f"{text}, at most {MAX_PARAMETER:g} s: let the board send more often"
         advised = math.ceil(100.0 * _ADVISED * self._named) / 100.0
         return f"{text}: set stop_on_push.stale_after: {advised:g}, or 0.0 to have it measured"
 

@@ -7,11 +7,11 @@ import math
 from collections.abc import Iterable
 
 from ..behaviours.stop import MAX_AHEAD, Cause, Decision, PushLimits, Reason, StopMessage
+from .touches import OLDEST
 
 _SILENCE = 0.15  # s without a message of a skin's stop, which publishes every 0.02 s
 _AHEAD = Reason(Cause.STALE, "its clock is ahead: synchronise the clocks")
 _LATE = Reason(Cause.STALE, "its 'free' is old when it arrives: late, or its clock is behind")
-_OLDEST = 0.5  # s that a force may be old and still count: the longest age of a skin's reading
 
 
 class BodyStop:
@@ -91,7 +91,7 @@ class BodyStop:
     def _touched(self, t: float) -> dict[str, float]:
         """Return the skins that are touched -> force [N]; NaN is left to the skin's own stop."""
         return {
-            name: f for name, (when, f) in self._forces.items() if t - when <= _OLDEST and f > 0
+            name: f for name, (when, f) in self._forces.items() if t - when <= OLDEST and f > 0
         }
 
     def decide(self, t: float) -> Decision:
