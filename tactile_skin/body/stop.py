@@ -83,9 +83,9 @@ class BodyStop:
         return self.decide(t).reason
 
     def _pushed(self, t: float) -> bool:
-        """Whether a push on several skins is on: a reading counts until the next."""
+        """Whether a push on several skins is on: only their readings end it, however late."""
         self._held_until = min(self._held_until, t + self.config.hold)  # the clock was set back
-        pressed = sum(self._touched(t).values()) > self.config.release
+        pressed = sum(f for _, f in self._forces.values() if f > 0) > self.config.release
         return bool(self._push) and (t <= self._held_until or pressed)
 
     def _touched(self, t: float) -> dict[str, float]:
