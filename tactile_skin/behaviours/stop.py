@@ -13,7 +13,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from ..fields import Checked, parameter
-from .pace import Pace
+from .pace import RESUMED, Pace
 
 _STEADY = 3  # readings in a row, none late, that end "stale",
 _STEADY_FOR = 0.02  # s that they take: what was kept in a buffer meanwhile comes in one burst
@@ -291,7 +291,7 @@ class StopPolicy:
                 return "readings are already old when they arrive"
             return self._pace.slow()
         if fresh:
-            return "readings have only just resumed"
+            return RESUMED
         here = 0.0 <= t - self._old_at <= self.stale_after
         return f"readings {'are already old when they arrive' if here else 'no longer arrive'}"
 

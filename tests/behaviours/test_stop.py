@@ -418,6 +418,13 @@ def test_measured_a_reading_is_good_for_two_and_a_half_intervals(rate, good_for)
     assert stops - last <= policy.stale_after + 0.001
 
 
+@pytest.mark.parametrize("rate", [9.0, 8.0, 4.0, 2.5])
+def test_a_slow_board_that_will_do_is_not_called_too_slow_at_the_start(rate):
+    reasons = " ".join(reason for _, _, reason in reasons_of(StopPolicy(CONFIG), rate, 6.0))
+    assert "let the board send" not in reasons
+    assert "overloaded" not in reasons
+
+
 @pytest.mark.parametrize("rate", [1.0, 1.9])
 def test_no_rate_stretches_it_beyond_the_promise(rate):
     policy = StopPolicy(CONFIG)
