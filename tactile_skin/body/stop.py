@@ -90,9 +90,7 @@ class BodyStop:
 
     def _touched(self, t: float) -> dict[str, float]:
         """Return the skins that are touched -> force [N]; NaN is left to the skin's own stop."""
-        return {
-            name: f for name, (when, f) in self._forces.items() if t - when <= OLDEST and f > 0
-        }
+        return {name: f for name, (when, f) in self._forces.items() if t - when <= OLDEST and f > 0}
 
     def decide(self, t: float) -> Decision:
         """Return what holds at t, also when nothing comes: call it on a timer."""
