@@ -175,6 +175,16 @@ def test_without_a_hold_a_hard_edge_and_a_rise_stop_for_as_long_as_they_last():
     assert not policy.reading(0.55, 16.0).stop
 
 
+@pytest.mark.parametrize("limit", [{"threshold": 25.0}, {"peak": 4.0}])
+def test_a_limit_that_is_lowered_below_what_was_read_stops_at_once(limit):
+    policy = StopPolicy(StopConfig())
+    for k in range(200):
+        decision = policy.reading(k / 100, 28.0, 5.0)
+    assert not decision.stop
+    policy.configure(dataclasses.replace(StopConfig(), **limit))
+    assert policy.decide(2.0).for_push_alone
+
+
 def test_a_fault_stops_until_it_is_taken_back():
     policy = StopPolicy(CONFIG)
     feed(policy, 0.0, 0.1, 0.0)
