@@ -19,8 +19,9 @@ _KEPT = 16  # last intervals that are averaged
 _ENOUGH = 4  # of them at least, else the minimum holds
 _LATELY = 5  # last intervals that the message is based on
 _NEWS = 1.25  # factor by which a number must change before the text does: each text calls the hooks
+RESUMED = "readings have only just resumed"  # no fault of the board, nor of the link
 _ADVISED = 3.0  # usual intervals that the message advises
-_MAX_PARAMETER = 1.0  # s, upper limit of the parameter stale_after
+MAX_PARAMETER = 1.0  # s, upper limit of the parameter stale_after
 
 
 class Pace:
@@ -58,7 +59,7 @@ class Pace:
     def _follow(self) -> None:
         if not self.measured or (usual := self.interval) is None:
             return
-        wanted = min(max(_INTERVALS * usual, MIN_STALE_AFTER), MAX_STALE_AFTER)
+        wanted = _wanted(usual)
         small = 1 / _NEWS < wanted / self.stale_after < _NEWS
         if not small or (wanted in (MIN_STALE_AFTER, MAX_STALE_AFTER)):
             self.stale_after = wanted
@@ -72,12 +73,16 @@ class Pace:
         """Return what is wrong if readings come and none is in time; one text for one cause."""
         lately = list(self._gaps)[-_LATELY:]
         if not lately:
-            return "readings have only just resumed"
+            return RESUMED
         usual, limit = _middle(lately), self.stale_after
+        if self.measured:  # by more readings than there are yet it will be that
+            limit = max(limit, _wanted(usual))
         if not 1 / _NEWS < usual / max(self._named, 1e-9) < _NEWS:
             self._named = usual
         if self._named <= limit:
             longest = max(lately)
+            if longest <= limit:  # they were late by another limit
+                return RESUMED
             if longest > _NEWS * self._named_gap:
                 self._named_gap = longest
             return (
@@ -88,10 +93,14 @@ class Pace:
         text = f"readings come every {self._named:.2g} s, but stale_after = {limit:.2g} s"
         if self.measured:
             return f"{text}, measured, at most {MAX_STALE_AFTER:g} s: let the board send more often"
-        if _ADVISED * self._named > _MAX_PARAMETER:
-            return f"{text}, at most {_MAX_PARAMETER:g} s: let the board send more often"
+        if _ADVISED * self._named > MAX_PARAMETER:
+            return f"{text}, at most {MAX_PARAMETER:g} s: let the board send more often"
         advised = math.ceil(100.0 * _ADVISED * self._named) / 100.0
         return f"{text}: set stop_on_push.stale_after: {advised:g}, or 0.0 to have it measured"
+
+
+def _wanted(usual: float) -> float:
+    return min(max(_INTERVALS * usual, MIN_STALE_AFTER), MAX_STALE_AFTER)
 
 
 def _middle(values: Collection[float]) -> float:

@@ -13,7 +13,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from ..fields import Checked, parameter
-from .pace import Pace
+from .pace import RESUMED, Pace
 
 _STEADY = 3  # readings in a row, none late, that end "stale",
 _STEADY_FOR = 0.02  # s that they take: what was kept in a buffer meanwhile comes in one burst
@@ -149,7 +149,7 @@ class StopPolicy:
         self._olds = 0  # those of them that were old when they came
         self._newest = -math.inf  # stamp of the newest reading
         self._old_at = -math.inf  # when the last one came that was too old, or no news
-        self._force = 0.0  # of the newest reading
+        self._force = self._peak = 0.0  # of the newest reading
         self._in_time = 0  # readings in a row of which none was late
         self._late = -math.inf  # stamp of the last one that was
         self._above_since: float | None = None
@@ -159,10 +159,15 @@ class StopPolicy:
         self._latched: Reason | None = None  # of the stop that waits for a reset
 
     def configure(self, config: StopConfig) -> None:
-        """Go on with other limits; a push that is on, a fault and what is latched stay."""
+        """Go on with other limits; a push that is on, a fault and what is latched stay.
+
+        What the last reading had may be a push by the new ones.
+        """
         if config.stale_after != self.config.stale_after:
             self._pace.configure(config.stale_after)
         self.config = config
+        if self._force >= config.threshold or self._peak >= config.peak:
+            self._held_until = self._newest + config.hold
 
     def reading(
         self, t: float, force: float, peak: float = 0.0, stamp: float | None = None
@@ -201,7 +206,7 @@ class StopPolicy:
         # After a gap nobody knows how fast it rose; frames that arrive in a burst rise too fast.
         share = 0.0 if late else min(1.0, config.lead / gap)
         ahead = force + share * max(0.0, force - self._force)
-        self._newest, self._force = stamp, force
+        self._newest, self._force, self._peak = stamp, force, peak
         if self._steady:
             self._lates = self._olds = 0
         if ahead >= config.threshold or peak >= config.peak:
@@ -291,7 +296,7 @@ class StopPolicy:
                 return "readings are already old when they arrive"
             return self._pace.slow()
         if fresh:
-            return "readings have only just resumed"
+            return RESUMED
         here = 0.0 <= t - self._old_at <= self.stale_after
         return f"readings {'are already old when they arrive' if here else 'no longer arrive'}"
 

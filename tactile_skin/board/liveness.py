@@ -28,6 +28,7 @@ _GAP = 3.0  # usual intervals without a frame after which text frames may have b
 _HURRY = 1.25  # times the usual pace, from which on a queue is being emptied
 _INTERVALS = 64  # that the usual one is taken from
 _FEW = 3  # of them, at least
+_EVEN = 5  # longer ones in a row that are another pace, and no link that stalls again
 _HALF_WRAP = 1 << 31  # us; a larger step of the board's clock is one backward
 
 
@@ -43,6 +44,7 @@ class Delay:
         self._since = math.inf  # arrival of the first frame since the start or a restart
         self._intervals: deque[float] = deque(maxlen=_INTERVALS)  # s, while nothing was queued
         self._stretch = 0.0, 0  # s, and frames in it, of text that may have been queued
+        self._apart: list[float] = []  # s, the last intervals that were long and alike
 
     def frame(self, t: float, device_time_us: int | None) -> tuple[float, bool]:
         """Take a frame that arrived at t [s]; return its lag [s], and if the clock went back."""
@@ -81,9 +83,14 @@ class Delay:
     def _by_pace(self, elapsed: float) -> None:
         # A gap may have queued frames. Each of them stands for one usual interval; at the usual
         # pace none is queued, and what is missing was lost. The mean interval is the usual one,
-        # since USB delivers frames in groups.
+        # since USB delivers frames in groups, which of a fast board are no gap.
         usual = math.fsum(self._intervals) / max(len(self._intervals), 1)
-        if len(self._intervals) >= _FEW and elapsed > _GAP * usual:
+        if self._slower(elapsed, usual):
+            self._lag = 0.0
+            self._intervals = deque(self._apart, _INTERVALS)
+            self._apart = []
+            return
+        if len(self._intervals) >= _FEW and elapsed > usual + max((_GAP - 1.0) * usual, JITTER):
             self._lag, self._stretch = self._lag + elapsed - usual, (0.0, 0)
             return
         if self._lag == 0.0:
@@ -97,6 +104,14 @@ class Delay:
                 self._lag = 0.0
                 self._intervals.extend([time / frames] * frames)
             self._stretch = 0.0, 0
+
+    def _slower(self, elapsed: float, usual: float) -> bool:
+        """Whether frames come evenly, and less often than usual: those of a queue come faster."""
+        lately = [*self._apart, elapsed]
+        if max(lately) > _GAP * min(lately):
+            lately = [elapsed]
+        self._apart = lately if elapsed >= _HURRY * usual else []
+        return len(self._apart) >= _EVEN and math.fsum(self._apart) >= _SETTLING
 
     @property
     def settled(self) -> bool:

@@ -7,11 +7,11 @@ import math
 from collections.abc import Iterable
 
 from ..behaviours.stop import MAX_AHEAD, Cause, Decision, PushLimits, Reason, StopMessage
+from .touches import OLDEST
 
 _SILENCE = 0.15  # s without a message of a skin's stop, which publishes every 0.02 s
 _AHEAD = Reason(Cause.STALE, "its clock is ahead: synchronise the clocks")
 _LATE = Reason(Cause.STALE, "its 'free' is old when it arrives: late, or its clock is behind")
-_OLDEST = 0.5  # s that a force may be old and still count: the longest age of a skin's reading
 
 
 class BodyStop:
@@ -83,16 +83,14 @@ class BodyStop:
         return self.decide(t).reason
 
     def _pushed(self, t: float) -> bool:
-        """Whether a push on several skins is on: a reading counts until the next."""
+        """Whether a push on several skins is on: only their readings end it, however late."""
         self._held_until = min(self._held_until, t + self.config.hold)  # the clock was set back
-        pressed = sum(self._touched(t).values()) > self.config.release
+        pressed = sum(f for _, f in self._forces.values() if f > 0) > self.config.release
         return bool(self._push) and (t <= self._held_until or pressed)
 
     def _touched(self, t: float) -> dict[str, float]:
         """Return the skins that are touched -> force [N]; NaN is left to the skin's own stop."""
-        return {
-            name: f for name, (when, f) in self._forces.items() if t - when <= _OLDEST and f > 0
-        }
+        return {name: f for name, (when, f) in self._forces.items() if t - when <= OLDEST and f > 0}
 
     def decide(self, t: float) -> Decision:
         """Return what holds at t, also when nothing comes: call it on a timer."""

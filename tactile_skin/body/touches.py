@@ -16,13 +16,16 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
+from ..behaviours.pace import MAX_PARAMETER
+from ..behaviours.stop import TRANSPORT
 from ..touch.geometry import PITCH, Geometry
 from ..touch.tracking import IDS, LONGEST, Course
 
 _SEAM = 2.5  # pitches between the outermost cells of two mats, up to which they are neighbours
 _REACH = 0.75  # pitches more from where a touch is expected within which it is found
 _MAX_ABSENCE = 0.15  # s that a touch may be on no mat: a seam of 40 mm at 0.3 m/s
-OLDEST = 0.5  # s after which a mat that says nothing is touched no more
+# s after which a mat that says nothing is touched no more: until then its stop may be free
+OLDEST = MAX_PARAMETER + TRANSPORT
 # Cells that a touch counts as for its course while it has been on two mats: its centre stands at
 # the edge of one, and leaps over the gap. Chosen on seed 100 of benchmarks.body.seam.
 _ON_SEAM = 0.8

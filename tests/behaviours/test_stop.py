@@ -175,6 +175,16 @@ def test_without_a_hold_a_hard_edge_and_a_rise_stop_for_as_long_as_they_last():
     assert not policy.reading(0.55, 16.0).stop
 
 
+@pytest.mark.parametrize("limit", [{"threshold": 25.0}, {"peak": 4.0}])
+def test_a_limit_that_is_lowered_below_what_was_read_stops_at_once(limit):
+    policy = StopPolicy(StopConfig())
+    for k in range(200):
+        decision = policy.reading(k / 100, 28.0, 5.0)
+    assert not decision.stop
+    policy.configure(dataclasses.replace(StopConfig(), **limit))
+    assert policy.decide(2.0).for_push_alone
+
+
 def test_a_fault_stops_until_it_is_taken_back():
     policy = StopPolicy(CONFIG)
     feed(policy, 0.0, 0.1, 0.0)
@@ -416,6 +426,13 @@ def test_measured_a_reading_is_good_for_two_and_a_half_intervals(rate, good_for)
     last = 6.0
     stops = next(t for t in (last + k / 1000 for k in range(2000)) if policy.decide(t).stop)
     assert stops - last <= policy.stale_after + 0.001
+
+
+@pytest.mark.parametrize("rate", [9.0, 8.0, 4.0, 2.5])
+def test_a_slow_board_that_will_do_is_not_called_too_slow_at_the_start(rate):
+    reasons = " ".join(reason for _, _, reason in reasons_of(StopPolicy(CONFIG), rate, 6.0))
+    assert "let the board send" not in reasons
+    assert "overloaded" not in reasons
 
 
 @pytest.mark.parametrize("rate", [1.0, 1.9])

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from tactile_skin.board.frame import Frame
-from tactile_skin.board.liveness import Liveness
+from tactile_skin.board.liveness import JITTER, Liveness
 
 SHAPE = (8, 12)
 RATE = 100.0  # frames a second
@@ -220,13 +220,37 @@ def test_text_frames_that_were_lost_and_not_queued_are_no_lag():
     assert source.run(0.25)[-1].lag == 0.0
 
 
-@pytest.mark.parametrize("rate", [200.0, 50.0])
-def test_a_text_board_that_now_sends_at_another_rate_is_believed(rate):
+@pytest.mark.parametrize("pause", [0.0, 1.0])
+@pytest.mark.parametrize("rate", [500.0, 200.0, 50.0, 25.0, 2.0])
+def test_a_text_board_that_now_sends_at_another_rate_is_believed(rate, pause):
     source = Source(text=True)
     source.run(2.0)
-    source.t += 1.0
+    source.t += pause
     source.period = 1.0 / rate
     source.run(5.0)
+    assert max(v.lag for v in source.run(5.0)) < 0.02
+
+
+@pytest.mark.parametrize("held", [0.008, 0.016])
+@pytest.mark.parametrize("rate", [100.0, 200.0, 500.0])
+def test_text_that_a_converter_delivers_in_groups_is_on_time(rate, held):
+    source = Source(text=True, rate=rate)
+    source.t += 0.1 * held  # the first group is a full one
+    lags = []
+    for uneven in source.rng.normal(0.0, 0.02 / rate, round(10 * rate)):
+        scanned = source.t + uneven
+        lags.append(source.send(lag=np.ceil(scanned / held) * held - source.t).lag)
+    assert max(lags) <= JITTER
+
+
+@pytest.mark.parametrize("rate", [100.0, 30.0])
+def test_text_frames_that_arrive_together_at_the_start_are_no_pace(rate):
+    """A computer that is busy as it starts reads some at once."""
+    source = Source(text=True, rate=rate)
+    first = source.t + 8 * source.period
+    for _ in range(8):
+        source.send(lag=first - source.t)
+    source.run(1.0)
     assert max(v.lag for v in source.run(5.0)) < 0.02
 
 

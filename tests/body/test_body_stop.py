@@ -115,9 +115,9 @@ def test_one_skin_alone_is_left_to_its_own_stop(body):
 
 def test_an_old_force_does_not_count(body):
     body.touched("chest", 0.0, 29.0)
-    body.touched("back", 0.6, 29.0)
-    keep_free(body, 0.6)
-    assert not body.decide(0.6).stop
+    body.touched("back", 1.1, 29.0)
+    keep_free(body, 1.1)
+    assert not body.decide(1.1).stop
 
 
 def test_a_heartbeat_of_a_skin_without_readings_makes_no_push_of_an_old_force(body):
@@ -134,6 +134,7 @@ def test_a_latched_push_across_two_lasts_until_a_reset():
     stop.touched("back", 0.0, 20.0)
     keep_free(stop, 0.2)
     assert stop.reset(0.2) != ""
+    stop.touched("chest", 0.2, 0.0)
     keep_free(stop, 1.0)
     assert stop.decide(1.0).reason == "back and chest: latched: push"
     assert stop.reset(1.0) == ""
@@ -141,7 +142,11 @@ def test_a_latched_push_across_two_lasts_until_a_reset():
 
 @pytest.mark.parametrize(
     ("hold", "period"),
-    [pytest.param(0.0, 0.01, id="no hold"), pytest.param(0.1, 0.4, id="slower than the hold")],
+    [
+        pytest.param(0.0, 0.01, id="no hold"),
+        pytest.param(0.1, 0.4, id="slower than the hold"),
+        pytest.param(0.1, 0.99, id="as slow as stale_after allows"),
+    ],
 )
 def test_a_push_across_two_lasts_as_long_as_their_readings_say_so(hold, period):
     """They arrive 10 ms late, and each is all that is known until the next one."""
@@ -158,6 +163,18 @@ def test_a_push_across_two_lasts_as_long_as_their_readings_say_so(hold, period):
     stop.touched("back", 20 * period, 0.0)
     keep_free(stop, 21 * period)
     assert "push" not in stop.decide(21 * period).reason
+
+
+def test_a_push_across_two_is_not_forgotten_while_readings_stay_away(body):
+    """What comes back is above `release`, and below `threshold`."""
+    body.touched("chest", 0.0, 16.0)
+    body.touched("back", 0.0, 16.0)
+    for k in range(500):
+        body.decide(k / 50)
+    body.touched("chest", 10.0, 12.0)
+    body.touched("back", 10.0, 12.0)
+    keep_free(body, 10.0)
+    assert body.decide(10.0).reason == "back and chest: push"
 
 
 def test_a_clock_that_is_set_back_does_not_hold_a_push_across_two_for_as_long(body):
