@@ -63,7 +63,7 @@ class Totals(NamedTuple):
         return max(self._tried(), key=lambda fit: fit.evidence)
 
     def probable(self) -> list[Fit]:
-        """By all steps, scatters and noises that may be true: few totals hardly tell them."""
+        """By all steps, scatters and noises that may be true: few totals hardly determine them."""
         tried = list(self._tried())
         least = max(fit.evidence for fit in tried) - _PROBABLE
         return [fit for fit in tried if fit.evidence >= least]

@@ -36,7 +36,7 @@ _JOIN_SHARE = 0.1  # of the best cell's gain, that it must gain as well
 _MOST_JOIN = 40  # cells that join in one step: of more, most would be found at rest again
 _DENSE = 600  # unknowns up to which a Cholesky factor is faster than conjugate gradients
 # Of x that such gradients suppose of a cell at least: one that was not read and bears nothing has
-# none of its own, and is told by others.
+# none of its own: the readings of others determine it.
 _LEAST_CURVATURE = 1.0
 _MEMORY = 4  # last costs, of which a step must not exceed the largest: a bound met costs at first
 _UNCHANGED = 2.2  # standard deviations of chi^2 up to which a frame is that of the same load

@@ -120,7 +120,7 @@ def test_a_wrong_label_is_named(bench, fitted, factor, heaviest):
 
 @pytest.mark.parametrize("seed", [7, 18, 26])
 def test_the_only_one_of_its_weight_is_not_odd(seed):
-    """Six objects hardly tell how far the curve bends: one beyond the others bends it rightly."""
+    """Six objects hardly show how far the curve bends: one beyond the others bends it rightly."""
     rng, circuit = np.random.default_rng(seed), Circuit(12, 12)
     fabric = PressureCurve((0.0, 0.3, 1.0, 4.0, 9.8), (60e3, 9e3, 3e3, 500.0, 110.0))
     fabric = fabric.with_gain(np.exp(0.06 * rng.standard_normal(circuit.shape)))
