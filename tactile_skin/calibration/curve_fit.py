@@ -291,10 +291,18 @@ def _odd(totals: Totals, objects: np.ndarray) -> list[int]:
 
 
 def _contradiction(totals: Totals, mine: np.ndarray, used: np.ndarray) -> float:
-    """By how much the used objects but one contradict its weight; 1: it is odd."""
-    fit, own = totals.only(used & ~mine).explained(), totals.only(mine)
-    total = max(float(fit.of(own).mean()), LEAST)
-    return abs(np.log(total)) / max(np.log(_ODD), _ODD_STD * fit.std(own) / total)
+    """By how much the used objects but one contradict its weight; 1: it is odd.
+
+    Each fit of theirs that may be true must: the most probable one of a few knows the rest of the
+    curve too well.
+    """
+    own = totals.only(mine)
+    contradicts = []
+    for fit in totals.only(used & ~mine).probable():
+        total = max(float(fit.of(own).mean()), LEAST)
+        limit = max(np.log(_ODD), _ODD_STD * fit.std(own) / total)
+        contradicts.append(float(abs(np.log(total)) / limit))
+    return min(contradicts)
 
 
 def _words(weights, used, off, objects, odd) -> list[str]:

@@ -22,6 +22,7 @@ _NOISES = 0.005, 0.01, 0.02, 0.04, 0.08
 _USUAL_SCATTER = 0.1
 _USUAL_NOISE = 0.012
 _SPREAD = 0.7  # standard deviation of the logarithm of both
+_PROBABLE = 2.0  # logarithm of a probability below the largest, down to which a fit may be true
 _LEVEL = 0.5  # standard deviation of the first slope over the median level
 LEAST = 0.02  # times the usual one that a slope and a total have at least: both are above 0
 _LEAST_GAIN = 0.2  # of a cell that conducts at all
@@ -59,15 +60,13 @@ class Totals(NamedTuple):
 
     def explained(self) -> Fit:
         """By the most probable step, scatter and noise."""
-        return max(
-            (
-                fit
-                for noise in _NOISES
-                for scatter in _SCATTERS
-                for fit in self._fits(noise, scatter, _STEPS)
-            ),
-            key=lambda fit: fit.evidence,
-        )
+        return max(self._tried(), key=lambda fit: fit.evidence)
+
+    def probable(self) -> list[Fit]:
+        """By all steps, scatters and noises that may be true: few totals hardly determine them."""
+        tried = list(self._tried())
+        least = max(fit.evidence for fit in tried) - _PROBABLE
+        return [fit for fit in tried if fit.evidence >= least]
 
     def stiff(self) -> Fit:
         """Bent to no single total."""
@@ -76,6 +75,11 @@ class Totals(NamedTuple):
     def solve(self, noise: float, scatter: float, step: float) -> Fit:
         """Nonnegative least squares, of totals that err together as their cells do."""
         return next(self._fits(noise, scatter, (step,)))
+
+    def _tried(self) -> Iterator[Fit]:
+        for noise in _NOISES:
+            for scatter in _SCATTERS:
+                yield from self._fits(noise, scatter, _STEPS)
 
     def _fits(self, noise: float, scatter: float, steps: tuple[float, ...]) -> Iterator[Fit]:
         """Yield what `solve` returns for each step; they share the totals' covariance."""

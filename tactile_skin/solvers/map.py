@@ -35,6 +35,9 @@ _JOIN_CHI2 = 6.0
 _JOIN_SHARE = 0.1  # of the best cell's gain, that it must gain as well
 _MOST_JOIN = 40  # cells that join in one step: of more, most would be found at rest again
 _DENSE = 600  # unknowns up to which a Cholesky factor is faster than conjugate gradients
+# Of x that such gradients suppose of a cell at least: one that was not read and bears nothing has
+# none of its own: the readings of others determine it.
+_LEAST_CURVATURE = 1.0
 _MEMORY = 4  # last costs, of which a step must not exceed the largest: a bound met costs at first
 _UNCHANGED = 2.2  # standard deviations of chi^2 up to which a frame is that of the same load
 _ANOTHER = 1.3  # times the force of a lighter picture from which on a heavier one is another
@@ -275,7 +278,7 @@ def _gauss_newton(reading: Reading, point: Point) -> _Step:
 
 def _conjugate_gradients(point: Point, between, free: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Solve for the Gauss-Newton step without its matrix: a product costs O(lines^3)."""
-    diagonal = point.curvature.ravel()[free]
+    diagonal = np.maximum(point.curvature.ravel()[free], _LEAST_CURVATURE)
     picture = np.zeros(point.gx.shape)
     network, square = point.model.network, point.model.weight**2
 

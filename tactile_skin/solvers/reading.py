@@ -27,7 +27,8 @@ ROUNDING_NOISE = 12**-0.5  # ADC steps RMS of rounding to whole steps
 _KEPT = 0.8
 # standard deviation over the mean of these, for a normal distribution
 _STD_OVER_MEAN = _KEPT * (np.pi / 2) ** 0.5 / -np.expm1(-0.5 * ndtri(0.5 + 0.5 * _KEPT) ** 2)
-# ADC steps below which noise of single scans is cut off at 0, so that their mean is too high.
+# ADC steps below which noise of single scans is cut off at 0, so that their mean is too high, and
+# up to an amplifier's end, where it is too low.
 _CUT_OFF = 2.0
 FEW = 8  # readings that a spread is measured by at least: it is then right to 25 %
 
@@ -175,8 +176,16 @@ class Reading:
         misfit /= std
         weight = np.full(g.shape, self.circuit.full_scale / std)
         if not self.all_read:
-            weight *= self.known | (misfit != 0.0)
+            weight *= self.known | (misfit != 0.0) | self._holds(network.adc)
         return Linearised(g, network, network.adc, misfit, weight)
+
+    def _holds(self, adc: np.ndarray) -> np.ndarray:
+        """(rows, cols) bool, bounds that the model only just meets: its cells stay there.
+
+        With cross-talk a bound is one of many cells, which may well leave it.
+        """
+        near = (adc - self.adc) * self.circuit.full_scale < _CUT_OFF
+        return self.topped & near & (not self.circuit.has_cross_talk)
 
     def need_all_cells(self, method: str) -> None:
         """ValueError unless every cell was read: only `map` can do without."""
@@ -263,8 +272,11 @@ def check_reading(
         capped = known & (adc <= threshold)
         known = known & ~capped
         adc = np.where(known, adc, 0.0)
-    if (ceiling < 1.0 or not circuit.has_cross_talk) and (adc >= ceiling).any():
-        topped = known & (adc >= ceiling)
+    end = ceiling  # of an amplifier, on top of whose end the ADC's noise is
+    if not (circuit.has_cross_talk or noise == 0.0):
+        end -= _CUT_OFF / circuit.full_scale
+    if (ceiling < 1.0 or not circuit.has_cross_talk) and (adc >= end).any():
+        topped = known & (adc >= end)
         known, adc = known & ~topped, np.minimum(adc, ceiling)
     deadline = np.inf if time_limit is None else time.monotonic() + time_limit
     given = noise is not None

@@ -9,11 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.lab.unknown import Unknown
 from support.marks import ci
-from support.weights import known, objects, stream, totals
+from support.weights import known, objects, presses, stream, totals
 
-from tactile_skin import PressureCurve, fit_curve, fit_reference, forward, measure_rest
+from tactile_skin import Circuit, PressureCurve, fit_curve, fit_reference, forward, measure_rest
 from tactile_skin.calibration import curve_fit
 from tactile_skin.calibration.totals import Totals
+from tactile_skin.simulation.scenes import read_out
 
 SHAPE = 12, 12
 
@@ -115,6 +116,21 @@ def test_a_wrong_label_is_named(bench, fitted, factor, heaviest):
     )
     assert np.median(np.abs(bench.off(found))) < 0.03
     assert found.off[bad] == pytest.approx(1.0 / factor - 1.0, abs=0.15)
+
+
+@pytest.mark.parametrize("seed", [7, 18, 26])
+def test_the_only_one_of_its_weight_is_not_odd(seed):
+    """Six objects hardly show how far the curve bends: one beyond the others bends it rightly."""
+    rng, circuit = np.random.default_rng(seed), Circuit(12, 12)
+    fabric = PressureCurve((0.0, 0.3, 1.0, 4.0, 9.8), (60e3, 9e3, 3e3, 500.0, 110.0))
+    fabric = fabric.with_gain(np.exp(0.06 * rng.standard_normal(circuit.shape)))
+    laid, weights = presses(6, circuit.shape, rng)
+    weights = np.array([1.2, 2.6, 3.1, 5.1, 22.0, 27.0]) / weights
+    laid = np.concatenate([np.zeros((20, *circuit.shape)), laid * weights[:, None, None]])
+    frames = read_out(circuit, forward(circuit, fabric.resistance(laid)), "scan", rng)
+    rest = measure_rest(frames[:20], circuit)
+    weights = np.minimum(laid[20:], fabric.max_force).sum((1, 2))
+    assert fit_curve(frames[20:], weights, circuit, rest).odd == ()
 
 
 def test_frames_of_one_object_are_left_out_together(bench):

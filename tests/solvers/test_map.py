@@ -26,6 +26,19 @@ def scan(force, rng, circuit=CIRCUIT):
     return scenes.read_out(circuit, forward(circuit, CURVE.resistance(force)), "scan", rng)
 
 
+@pytest.mark.parametrize("seed", [5, 7])
+def test_unread_cells_of_a_large_skin_under_a_load_on_all_of_it(seed):
+    """One that bears nothing yet has no curvature of its own in the steps of hundreds of cells."""
+    rng, circuit = np.random.default_rng(seed), Circuit(24, 32)
+    force = rng.uniform(0.0, 4.0, circuit.shape)
+    adc = scan(force, rng, circuit)
+    adc[rng.random(circuit.shape) < 0.3] = np.nan
+    with np.errstate(divide="raise"):
+        found = compensate(adc, circuit, CURVE, "map", missing=True)
+    assert found.status == "ok"
+    assert found.force.sum() == pytest.approx(force.sum(), rel=0.02)
+
+
 @pytest.mark.parametrize("holes", [0.0, 0.25])
 def test_the_priors_gradient_is_that_of_its_value(holes):
     rng = np.random.default_rng(0)

@@ -247,3 +247,30 @@ def test_a_palm_on_a_matrix_of_another_shape_is_felt_in_full(kind, method):
         found = compensate(adc, circuit, CURVE, method, noise=SCAN_NOISE)
         assert found.status == "ok"
         assert found.force.sum() == pytest.approx(force.sum(), rel=0.12)
+
+
+def test_a_reading_next_to_an_amplifiers_end_is_a_bound():
+    """Noise that is cut off there leaves the mean of a saturated reading a step or two too low."""
+    circuit = Circuit(readout="virtual_ground", r_ref=4700.0)
+    force, adc = frames("blobs", "scan", 60, np.random.default_rng(5), circuit, CURVE)
+    ends = forward(circuit, CURVE.resistance(force)) >= 1.0
+    for noise in (None, SCAN_NOISE):
+        found = compensate(adc, circuit, CURVE, "map", noise=noise)
+        assert (found.status == "ok").all()
+        off = np.abs(found.force - force)[ends]
+        assert (off < 2.0 * found.std[ends]).mean() > 0.999
+
+
+@pytest.mark.parametrize("seed", [18, 53, 82, 109])
+def test_cells_at_an_amplifiers_end_leave_the_others_to_the_fit(seed):
+    """Steps that took them below their bounds were refused, and the others never moved."""
+    rng, circuit = np.random.default_rng(seed), Circuit(8, 8, readout="virtual_ground")
+    force = np.zeros(circuit.shape)
+    for _ in range(3):
+        at, newtons = rng.uniform(0.0, 7.0, 2), 10.0 ** rng.uniform(0.5, 1.6)
+        force += scenes.finger(8, 8, *at, newtons, width=rng.uniform(0.5, 2.5))
+    force = np.minimum(force, CURVE.max_force)
+    adc = scenes.read_out(circuit, forward(circuit, CURVE.resistance(force)), "adc10", rng)
+    found = compensate(adc, circuit, CURVE, "map")
+    assert found.status == "ok"
+    assert (np.abs(found.force - force) < 5.0 * found.std + 1.0 * GRAM).all()
