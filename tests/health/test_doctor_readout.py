@@ -13,6 +13,7 @@ from support.kirchhoff import forward_voltage
 from support.lab.board import KNOTS, FaultBoard
 from support.lab.touches import everyday
 from support.marks import ci, slow
+from support.strangers.sim import counts, fabric, touches
 
 from tactile_skin import Circuit, PressureCurve, compensate, diagnose, measure_rest
 from tactile_skin.board.protocol import BinaryParser
@@ -79,6 +80,17 @@ def test_stripes_that_touch_read_alike_under_touches():
     frames = touched(skin(KINDS[0]), 17, ties=[(0, 2, 0, 3, 1.0)])
     (finding,) = diagnose(frames, skin(KINDS[0]), series=False)
     assert finding.kind == "short" and finding.rows == (2, 3)
+
+
+@pytest.mark.parametrize("seed", [2, ci(5), ci(7), ci(9)])
+def test_sound_lines_that_a_touch_joins_are_not_shorted(seed):
+    """Behind pull-ups of 35 kohm a finger joins the lines below it: they read alike."""
+    circuit = Circuit(8, 8, r_ref=35e3, r_par=25.0, readout="loaded")
+    curve, rng = fabric(circuit, seed=seed, scatter=0.08), np.random.default_rng(seed)
+    force = touches((8, 8), 60.0, 20.0, seed=seed, rest=5.0, hard=(5, 40))
+    steps = np.array([counts(circuit, curve, f, rng, noise=1.2) for f in force])
+    kinds = {finding.kind for finding in diagnose(steps / 1023.0, circuit, series=False)}
+    assert not kinds & {"short", "doubled"}
 
 
 def test_stripes_that_touch_are_no_load():
