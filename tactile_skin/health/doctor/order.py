@@ -27,9 +27,8 @@ _MAJORITY = 0.5  # of the votes' sum over the sum of their sizes
 _GAIN = 0.06  # share of all variation that the other order saves at least, of one touch
 _LIGHT = 0.03  # share of the picture's largest value below which a cell counts as untouched
 _FEWEST_LINES = 4  # whose order the touches tell
-# Times what noise explains of a squared difference, and its share of neighbours', at most, as at rest
-_NOISE = 3.0
-_ALIKE = 0.1
+_NOISE = 3.0  # times what noise explains of a squared difference, as at rest
+_ALIKE = 0.1  # squared difference over that of neighbours, at most, as at rest
 
 
 def equal_lines(seen: Recorded, skip) -> list[tuple[int, int, int]]:
