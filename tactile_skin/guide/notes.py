@@ -28,7 +28,8 @@ def notes(
         frames: (n, rows, cols) ADC ratio, NaN where a crossing was not read.
     """
     nothing = "" if found else f"nothing found. {_unseen(record(frames, circuit, rest))}"
-    said = nothing, touches_note(frames, circuit, rest), _scale_note(frames, circuit)
+    scale = _scale_note(frames, circuit) or _end_note(frames, circuit)
+    said = nothing, touches_note(frames, circuit, rest), scale
     return [note for note in said if note]
 
 
@@ -82,4 +83,19 @@ def _scale_note(frames: np.ndarray, circuit: Circuit) -> str:
         f"were hard, check circuit.adc_bits = {circuit.adc_bits}, adc_full_scale and "
         "serial_driver.format.full_scale: with a wrong one all forces are too small, and frames do "
         "not show it."
+    )
+
+
+def _end_note(frames: np.ndarray, circuit: Circuit) -> str:
+    """Return that the converter ended under touches; empty where none did, or others say as much.
+
+    Args:
+        frames: (n, rows, cols) ADC ratio, NaN where a crossing was not read.
+    """
+    ended = int((frames >= 1.0).any((1, 2)).sum())
+    if circuit.has_cross_talk or not ended:
+        return ""
+    return (
+        f"in {ended} of {len(frames)} frames readings are at the end of the range: more force "
+        "there is not felt, and such a touch stops the robot. A smaller r_ref leaves room."
     )

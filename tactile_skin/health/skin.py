@@ -98,6 +98,7 @@ class Skin:
         self._doubts = 0  # frames in a row
         self._found: list[Finding] = []  # by the monitor
         self._ended = 0  # readings of the last frame at the end of the ADC's range
+        self._bounded = False  # whether some of them say only what a cell conducts at least
         self.waits = follows
         self.status, self.message, self.residual, self.force = "ok", "", 0.0, 0.0
         self._doubt: Finding | None = None  # of the last frame
@@ -165,6 +166,7 @@ class Skin:
         self.residual, self.force = float(estimate.residual), float(estimate.force.max())
         self.std = estimate.std
         at_end = self._adc.bounds(adc) & (adc >= self._adc.range[1])
+        self._bounded = bool((at_end & self.circuit.populated).any())
         at_end |= adc >= self.circuit.near_short
         self._ended = int(np.count_nonzero(at_end))
         force = None
@@ -292,8 +294,12 @@ class Skin:
 
     @property
     def unknown_series(self) -> float:
-        """By how much what lies in series may exceed that of `circuit` [ohm]."""
-        return self._tracker.unknown
+        """By how much what lies in series may exceed that of `circuit` [ohm].
+
+        A cell whose reading is a bound may conduct anything: by all that an untouched one has.
+        """
+        rest = self._tare.curve.rest_resistance
+        return float(np.max(rest)) if self._bounded else self._tracker.unknown
 
     def values(self) -> dict[str, str]:
         """For diagnostics."""

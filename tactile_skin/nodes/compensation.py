@@ -86,6 +86,7 @@ class Compensation:
         self._said = -float("inf")  # s, when the message was new
         self._waiting = False  # a stop until the rest was measured
         self._level, self._message = diagnostics.OK, "ok"
+        self._unknown = self.skin.unknown_series  # ohm, as it was said last
         self._finding: Finding | None = None  # that the message says
         self._others = ""  # reasons besides the worst one
         self._taken_at, self.skipped = -float("inf"), 0  # s, when the last frame was taken; frames
@@ -155,8 +156,9 @@ class Compensation:
         first = found[0] if found else None
         if not (before == self._waiting and self._holds(level, first)):
             self._say(level, first, "" if failed else _MORE)
-        changed, self._level = level != self._level, level
-        if changed:
+        said = self._level, self._unknown
+        self._level, self._unknown = level, skin.unknown_series
+        if said != (self._level, self._unknown):
             self.report()
 
     def _say(self, level: int, finding: Finding | None, more: str) -> None:
