@@ -185,7 +185,7 @@ def from_files(skin: SkinConfig, files: dict, loads: list[tuple[str, str]]) -> G
         if path:
             print(f"  {word}: {path}")
             source.open(path)
-            source.skip_to(guide.stands, OBJECT)
+            source.skip_to(guide.load, OBJECT)
         return word
 
     guide = Guide(skin.circuit, source, ask, _say, show=_show)

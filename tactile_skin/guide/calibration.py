@@ -237,10 +237,12 @@ class Guide:
     def _touched(self, frame: np.ndarray) -> bool:
         return bool(np.nanmax(frame - self.rest.adc) > MOVED * self._noise)
 
-    def stands(self, frames: np.ndarray) -> bool:
-        """Whether something lies still on the skin in all of (n, rows, cols) frames."""
+    def load(self, frames: np.ndarray) -> float:
+        """Return by how much (n, rows, cols) frames exceed rest where most lies; 0: none stands."""
         frames = self.rest.quiet(frames)
-        return self._touched(_mean(frames)) and self.moved(frames) <= MOST_MOVED
+        mean = _mean(frames)
+        stands = self._touched(mean) and self.moved(frames) <= MOST_MOVED
+        return float(np.nanmax(mean - self.rest.adc)) if stands else 0.0
 
     def moved(self, frames: np.ndarray) -> float:
         """Share of a load's readings by which its first and its last frames differ, noise aside."""

@@ -48,7 +48,8 @@ def conclude(
     seen = found.seen
     say(f"what arrives:\n  {shown(seen.sample or found.data, seen.text, _SAMPLE)}")
     if not seen.protocol:
-        say(f"not recognised: {seen.about}.\ndocs/detect.md says how to describe it.")
+        about = seen.about or "neither text, nor packets that begin alike"
+        say(f"not recognised: {about}.\ndocs/detect.md says how to describe it.")
         return ""
     how = "sure" if seen.sure else "not sure: compare with the sketch"
     rate = f", {found.rate:.0f} a second" if found.rate else ""

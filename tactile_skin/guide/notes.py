@@ -38,6 +38,11 @@ def notes(
             "serial_driver.format.full_scale: with a wrong one all forces are too small, and "
             "frames do not show it."
         )
+    elif (ended := int((frames >= 1.0).any((1, 2)).sum())) and not circuit.has_cross_talk:
+        said.append(
+            f"in {ended} of {len(frames)} frames readings are at the end of the range: more force "
+            "there is not felt, and such a touch may stop the robot. A smaller r_ref leaves room."
+        )
     return said
 
 

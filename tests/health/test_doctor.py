@@ -255,6 +255,17 @@ def test_a_mistake_is_one_line(recordings, words, match, capsys, monkeypatch):
     assert match in err and err.count("\n") == 1
 
 
+def test_where_the_converter_ends_under_touches_it_is_said():
+    """Nothing is broken, but more force is not felt: r_ref is too large."""
+    circuit = Circuit(8, 8, r_ref=1000.0, r_par=100.0, readout="virtual_ground")
+    frames = np.full((40, 8, 8), 0.03)
+    assert "end of the range" not in " ".join(notes([], frames, circuit))
+    frames[30:, 3, 3:5] = 1.0
+    *_, said = notes([], frames, circuit)
+    assert "in 10 of 40 frames readings are at the end of the range" in said
+    assert "A smaller r_ref leaves room" in said
+
+
 def changed(skin, given):
     return skin_of(command._board(skin, given), "").adc
 

@@ -101,6 +101,30 @@ def test_stripes_that_touch_read_alike_under_touches():
     assert finding.kind == "short" and finding.rows == (2, 3)
 
 
+@pytest.mark.parametrize("seed", [0, ci(2)])
+def test_what_seems_to_lie_there_by_a_wrong_readout_is_none(seed):
+    """Its owner was asked to take it off, whatever he did."""
+    circuit = Circuit(7, 16, r_ref=1e4, r_par=0.0, adc_bits=12, readout="grounded", r_drive=25.0)
+    circuit = replace(circuit, driven="columns")
+    curve, rng = stranger.fabric(circuit, seed=seed, scatter=0.12), np.random.default_rng(seed)
+    force = stranger.touches(circuit.shape, 60.0, 10.0, seed=seed, rest=5.0, hard=(3, 30))
+    steps = np.array([stranger.counts(circuit, curve, f, rng, noise=1.2) for f in force])
+    floating = circuit.read_as("floating", "rows")
+    (finding,) = diagnose(steps / circuit.full_scale, floating, series=False)
+    assert "Set circuit.readout: grounded, circuit.driven: columns" in str(finding)
+
+
+@pytest.mark.parametrize("seed", [2, ci(5), ci(7), ci(9)])
+def test_sound_lines_that_a_touch_joins_are_not_shorted(seed):
+    """Behind pull-ups of 35 kohm a finger joins the lines below it: they read alike."""
+    circuit = Circuit(8, 8, r_ref=35e3, r_par=25.0, readout="loaded")
+    curve, rng = stranger.fabric(circuit, seed=seed, scatter=0.08), np.random.default_rng(seed)
+    force = stranger.touches((8, 8), 60.0, 20.0, seed=seed, rest=5.0, hard=(5, 40))
+    steps = np.array([stranger.counts(circuit, curve, f, rng, noise=1.2) for f in force])
+    kinds = {finding.kind for finding in diagnose(steps / 1023.0, circuit, series=False)}
+    assert not kinds & {"short", "doubled"}
+
+
 def test_stripes_that_touch_are_no_load():
     """They conduct as one, which cells of sound stripes explain by a load on both."""
     rng = np.random.default_rng(1)

@@ -196,6 +196,21 @@ def test_a_running_skin_names_no_setting_where_it_is_wired_otherwise():
         assert "lead" not in said and not re.search(r"\b[Ss]et [a-z_.]+:", said)
 
 
+@pytest.mark.parametrize("r_ref", [1000.0, ci(470.0), 200.0])
+@pytest.mark.parametrize("spread", [0.9, ci(1.3), ci(1.8)])
+def test_a_palm_stops_where_amplifiers_end_below_it(r_ref, spread):
+    """At 1 kohm 1 N ends the range of a cell, and a palm of 45 N reads as one of 18 N."""
+    circuit = Circuit(8, 8, r_ref=r_ref, r_par=100.0, readout="virtual_ground")
+    curve, rng = fabric(circuit, seed=3), np.random.default_rng(4)
+    t = np.arange(14.0 * RATE) / RATE
+    palm = finger(circuit.shape, 3.0, 4.0, PALM, spread)
+    samples = [counts(circuit, curve, palm * (s > 10.0), rng) for s in t]
+    _, free = played(samples, circuit, pressed=t > 10.1)
+    assert free == 0.0
+    reasons, _ = played([counts(circuit, curve, 0.1 * palm * (s > 10.0), rng) for s in t], circuit)
+    assert any("push" in reason for reason in reasons) == (r_ref == 1000.0 and spread < 1.0)
+
+
 def test_advice_after_which_a_touch_is_not_felt_is_not_safe():
     circuit, frames = recorded((8, 8), "floating", inverted=False)
     quiet = np.arange(len(frames)) < 40

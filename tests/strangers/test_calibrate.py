@@ -50,3 +50,29 @@ def test_lines_break_between_words(capsys):
     assert len(lines) > 2 and max(map(len, lines)) <= 80
     assert lines[0].startswith("  touch 5: the") and lines[1].startswith("    ")
     assert lines[-1] == "  |  ..@@  |"
+
+
+def test_a_rest_that_drifted_before_a_weight_is_laid_on_is_no_weight(tmp_path, capsys):
+    """An ADC of 16 bits sees that the fabric conducts 2 % more after some minutes."""
+    circuit = Circuit(8, 8, r_ref=4700.0, r_par=140.0, adc_bits=16)
+    curve, rng = sim.fabric(circuit, 4), np.random.default_rng(4)
+
+    def save(name, *forces, warm=1.02):
+        ratio = [forward(circuit, curve.resistance(f) / warm) for f in forces for _ in range(120)]
+        steps = circuit.full_scale * np.array(ratio) + 6.0 * rng.standard_normal((len(ratio), 8, 8))
+        np.save(tmp_path / name, np.rint(steps).astype(np.uint16))
+        return f"{tmp_path / name}"
+
+    rest = np.zeros(circuit.shape)
+    given = ["rate:=40", f"rest:={save('rest.npy', rest, rest, rest, warm=1.0)}"]
+    for grams, width, at in ((400, 1.3, (2, 3)), (900, 1.6, (3, 5)), (2500, 2.1, (4, 3))):
+        load = sim.finger(circuit.shape, *at, grams * GRAM, width)
+        given.append(f"{grams}g:={save(f'{grams}.npy', rest, load)}")
+    config, out = tmp_path / "mine.yaml", tmp_path / "out.yaml"
+    config.write_text(
+        "/**: {ros__parameters: {circuit: {rows: 8, cols: 8, r_ref: 4700.0, r_par: 140.0, "
+        "adc_bits: 16}}}\n"
+    )
+    assert main(["calibrate", "--config", str(config), "--out", str(out), *given]) == 0
+    felt = capsys.readouterr().out.rpartition("felt: ")[2]
+    assert float(felt.split()[0]) == pytest.approx(2500 * GRAM, rel=0.05)

@@ -185,3 +185,12 @@ def test_an_unknown_word_behind_the_wiring_is_an_error(tmp_path, monkeypatch, ca
     monkeypatch.setattr("sys.stdin", io.StringIO("6 x 6\nloaded-rows\n\n\n"))
     assert main(["detect", "bytes.bin"]) == 2
     assert "wiring -rows: must be -columns or -pullup" in capsys.readouterr().err
+
+
+def test_bytes_of_which_nothing_is_known_get_a_reason(tmp_path, capsys):
+    """Words of 16 bits with no head: the sentence ended where its reason should stand."""
+    words = np.random.default_rng(1).integers(700, 900, (100, 64)).astype("<u2")
+    (tmp_path / "words.bin").write_bytes(words.tobytes())
+    out = f"out:={tmp_path / 'mine.yaml'}"
+    assert main(["detect", str(tmp_path / "words.bin"), out, "rows:=8", "cols:=8"]) == 1
+    assert "not recognised: neither text, nor packets that begin alike." in capsys.readouterr().out

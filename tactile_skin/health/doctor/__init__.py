@@ -63,7 +63,9 @@ def diagnose(
     wrong = usable.at_an_end(seen) or readings.wrong_bits(seen, readings.ceiling(seen))
     if finding and not wrong:
         turned = record(1.0 - frames, circuit, None)  # upside down, the calmest are the hardest
-        return (not usable.unrested(turned) and _upside_down(seen, turned, inverted)) or [finding]
+        upside_down = [] if usable.unrested(turned) else _upside_down(seen, turned, inverted)
+        fitting = readout.other(circuit, _touched(seen, _FEW))  # where another one is untouched
+        return upside_down or _network(circuit, fitting) or [finding]
     found = _diagnose(seen, series)
     sound = not found and len(seen.touches)
     if sound and (seen.fell < 1.0 - _FALLS or _fits(circuit, seen)):
@@ -104,9 +106,8 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
         return [finding]
     touched = _touched(seen, HARDEST if series else _FEW)
     fitting = readout.other(circuit, touched)
-    named = fitting and any(c.circuit.r_par == circuit.r_par for c in fitting.changes)
-    if fitting and named and not fitting.of_own_cells:
-        return [fitting.finding(circuit)]
+    if other := _network(circuit, fitting):
+        return other
     top = readings.ceiling(seen)
     if bits := readings.wrong_bits(seen, top):
         return bits
@@ -115,7 +116,7 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
         detail = readout.entered(change.settings(circuit))
         numbers = votes._asdict()
         return [Finding(Kind.TRANSPOSED, numbers=numbers, detail=detail, change=change)]
-    if fitting and named and not votes:  # touches that are torn add up to what no network reads
+    if fitting and _named(circuit, fitting) and not votes:  # torn ones add up to what none reads
         return [fitting.finding(circuit)]
     unexplained = [fitting.finding(circuit)] if fitting else []
     height, *found = top or (np.inf,)
@@ -200,6 +201,18 @@ def ignored_diode(circuit: Circuit, rest: Rest, touches) -> Finding | None:
     at_rest, noise = rest.quiet(rest.adc[None])[0], max(rest.noise, ROUNDING_NOISE)
     found = unknown_diode(circuit, readout.Touched(at_rest, noise, touches), rest.frames)
     return found[0] if found else None
+
+
+def _network(circuit: Circuit, fitting: readout.Fitting | None) -> list[Finding]:
+    """Return the finding that another network of resistors reads so, where that is what fits."""
+    if fitting and _named(circuit, fitting) and not fitting.of_own_cells:
+        return [fitting.finding(circuit)]
+    return []
+
+
+def _named(circuit: Circuit, fitting: readout.Fitting) -> bool:
+    """Whether a circuit with the same r_par is among what fits."""
+    return any(change.circuit.r_par == circuit.r_par for change in fitting.changes)
 
 
 def _touched(seen: Recorded, n: int) -> readout.Touched:

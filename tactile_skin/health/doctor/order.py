@@ -28,6 +28,7 @@ _GAIN = 0.06  # share of all variation that the other order saves at least, of o
 _LIGHT = 0.03  # share of the picture's largest value below which a cell counts as untouched
 _FEWEST_LINES = 4  # whose order the touches tell
 _NOISE = 3.0  # times what noise explains of a squared difference, as at rest
+_ALIKE = 0.1  # squared difference over that of neighbours, at most, as at rest
 
 
 def equal_lines(seen: Recorded, skip) -> list[tuple[int, int, int]]:
@@ -38,18 +39,27 @@ def equal_lines(seen: Recorded, skip) -> list[tuple[int, int, int]]:
 
 
 def _under_touches(seen: Recorded, cells: np.ndarray) -> Iterator[tuple[int, int, int]]:
-    """Yield the pairs that read alike, to the noise, in some touches that press them most."""
+    """Yield the pairs that read alike, to the noise, in some touches that press them most.
+
+    A touch joins the lines below it: where neighbours usually read nearly alike, none is named.
+    """
     steps = np.where(cells, seen.steps[seen.touches], 0.0)
+    by_noise = 2.0 * seen.usual_noise**2
     for axis in (0, 1):
         there, touches = seen.turned(axis, cells), seen.turned(axis, steps)
         pressed = touches.max(2).argmax(1)
+        apart: dict[tuple[int, int], float] = {}  # squared difference of two lines
         for a, b in combinations(np.flatnonzero(there.any(1)).tolist(), 2):
             both, on = there[a] & there[b], touches[np.isin(pressed, (a, b))]
-            if len(on) < FEW_TOUCHES or not both.any():
-                continue
-            apart = np.square(on[:, a, both] - on[:, b, both]).mean()
-            if apart < _NOISE * 2.0 * seen.usual_noise**2:
-                yield axis, a, b
+            if len(on) >= FEW_TOUCHES and both.any():
+                apart[a, b] = float(np.square(on[:, a, both] - on[:, b, both]).mean())
+        neighbours = [of for (a, b), of in apart.items() if b == a + 1]
+        most = _ALIKE * float(np.median(neighbours)) if neighbours else 0.0
+        if most < by_noise:
+            continue
+        for pair, of in apart.items():
+            if of < min(most, _NOISE * by_noise):
+                yield axis, *pair
 
 
 def misplaced(seen: Recorded, skip, cells=(), pressed=()) -> list[Finding]:
