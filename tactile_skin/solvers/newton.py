@@ -17,6 +17,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from ..physics import laplacian, readouts
+from ..physics.laplacian import INEXACT
 from ..physics.readouts import BOUND
 from .estimate import Estimate
 from .fixed_point import START_STEPS, closed_form, first_guess, iterate, last_guess
@@ -36,6 +37,9 @@ _SLACK = 2.2
 _DENSE = 400  # unknowns up to which a Cholesky factor is faster than conjugate gradients
 # Share of its diagonal by which a matrix that is singular to single precision is made regular:
 _RIDGE = 1e-5  # near a bound of the curve's range
+# Share of its right side that such a step of a noisy reading leaves: how many steps there are is
+# decided by which cells are at rest.
+_LEFT = 0.1
 _PAST = 0.1  # of its slope at the begin of a step, that phi may fall with at the end
 
 
@@ -175,7 +179,8 @@ def _step_solver(reading: Reading, network, g: np.ndarray, free: np.ndarray):
     """
     symmetric = reading.circuit.readout_class.two_terminal
     if symmetric and free.size > _DENSE:
-        return laplacian.hessian_solver(network.inverse, g, free)
+        share = _LEFT if reading.noise else INEXACT
+        return laplacian.hessian_solver(network.inverse, g, free, share)
     rho = reading.rho_of(network)
     left, right = (np.sqrt(g), np.sqrt(g)) if symmetric else (1.0 / rho, g)
     falls = (rho + reading.apparent[1]) / network.adc  # - d rho / d adc
