@@ -11,13 +11,11 @@ import numpy as np
 from ..findings.finding import Finding, Kind, Severity
 from ..physics.adc import NOT_READ, Adc
 from ..readings import processed as readings
-from ..readings.multiplied import Multiplied
 from .check import Check, Seen
 
 _KEPT = 64  # frames that are looked at
 _APART = 0.1  # s between them, at least
 _EVERY = 0.5  # s after which it is asked again
-_SELDOM = 2.0  # s after which it is asked again whether the numbers are multiplied
 
 
 class Sent(Check):
@@ -26,7 +24,6 @@ class Sent(Check):
     def __init__(self, adc: Adc, threshold: float):
         circuit = adc.circuit
         self._bits, self._cells = circuit.adc_bits, circuit.populated
-        self._steps = adc.full_scale == circuit.full_scale  # else another scale is configured
         self._scale = 2.0 ** (16 - circuit.adc_bits)
         self._known = adc.rising_count(threshold) if threshold else 0.0
         low, high = adc.range
@@ -42,8 +39,7 @@ class Sent(Check):
         self.found: Finding | None = None
         self._shorted_since, self._shorted = np.inf, 0.0  # s; share of the cells
         self._frames: list[np.ndarray] = []
-        self._kept = self._asked = self._looked = -np.inf  # s
-        self._numbers = Multiplied(self._cells.shape, self._bits)
+        self._kept = self._asked = -np.inf  # s
 
     def frame(self, seen: Seen) -> None:
         t, samples = seen.t, seen.samples
@@ -55,7 +51,6 @@ class Sent(Check):
             return
         self._kept = t
         steps = np.where(samples == NOT_READ, np.nan, samples / self._scale)
-        self._look_for_scale(t, steps)
         self._frames = [*self._frames[1 - _KEPT :], np.where(self._cells, steps, np.nan)]
         if len(self._frames) >= readings.SEVERAL and not 0.0 <= t - self._asked < _EVERY:
             self._asked = t
@@ -63,15 +58,6 @@ class Sent(Check):
             done = readings.processed(frames, self._bits, self._known, self._unresolved)
             if done and done.kind is not readings.Kind.CEILING:
                 self._find(done)
-
-    def _look_for_scale(self, t: float, steps: np.ndarray) -> None:
-        if not self._steps:
-            return
-        self._numbers.frame(steps)
-        if not 0.0 <= t - self._looked < _SELDOM:
-            self._looked = t
-            if self._numbers.found:
-                self.found = Finding(Kind.ZEROS, "multiplied", severity=Severity.FAULT)
 
     def _look_for_short(self, t: float, samples: np.ndarray) -> None:
         """By time, not by frames: those that repeat are taken for frozen, and are not seen."""

@@ -15,7 +15,7 @@ from ...readings.processed import Kind as Done
 from ...readings.processed import processed as processing
 from .order import equal_lines
 from .readings import SEVERAL_CELLS
-from .recorded import Recorded
+from .recorded import FEW_TOUCHES, Recorded
 
 _MOST_NOISE = 0.01  # of full scale: what moves more is no noise
 DECIMALS = 2  # of ADC steps, which ratios of single precision keep
@@ -35,6 +35,8 @@ def processed(seen: Recorded) -> Finding | None:
             done = processing(np.round(steps - shift, DECIMALS), seen.circuit.adc_bits)
             if done and done.kind in kinds:
                 return Finding(Kind.ZEROS, detail=str(done))
+    if len(seen.touches) < FEW_TOUCHES:  # few numbers were read: chance gives them a rhythm
+        return None
     numbers = Multiplied(seen.circuit.shape, seen.circuit.adc_bits)
     for picture in seen.steps:
         numbers.frame(picture)
