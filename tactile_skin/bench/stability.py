@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """What to worry about: each trouble at each strength, and what becomes of the picture.
 
-A frame is judged by what a running skin has measured of its board before: its rest, and its circuit
-from 30 earlier frames. The methods are compared on frames alone, by the configured circuit and the
-shipped curve. A frame *fails* when its mean error on the cells that are touched, or said to be,
-exceeds 30 g and a fifth of their load. It is *reported* if the method calls it suspect or failed or
-refuses it, or if the rest of its board is refused. What fails and is not reported is *silent*.
+Readings come from `textile`, a model richer than any solver's. A frame is judged by what a running
+skin has measured of its board before, its rest without a touch and its circuit from 30 earlier
+frames (`measure_rest` and `identify`). The methods are compared on frames alone: by the configured
+circuit and the shipped curve.
+
+A frame *fails* when its mean error on the cells that are touched, or said to be, exceeds 30 g and a
+fifth of their load. It is *reported* if the method calls it suspect or failed or refuses it, or if
+the rest of its board is refused: the robot stops. What fails and is not reported is *silent*.
 """
 
 from __future__ import annotations

@@ -67,7 +67,11 @@ def nothing_found(serial_number: str = "") -> str:
 
 
 def identity(device: str) -> tuple:
-    """Return what a board is known by when it is plugged in again: USB ids, number or socket."""
+    """Return what a board is known by when it is plugged in again.
+
+    These are its USB ids, and its serial number or, where it has none, its USB socket; the
+    device's name where it is not on USB.
+    """
     for port in list_ports.comports():
         if port.device == device and port.vid is not None:
             return port.vid, port.pid, port.serial_number or port.location

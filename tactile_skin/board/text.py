@@ -105,9 +105,12 @@ class TextParser(Parser):
     """Frames from lines of numbers.
 
     There is no CRC: a line counts only if it holds as many numbers as a frame, a row or, where it
-    says which, one reading; each in the ADC's range, or one that was not read. Other lines are
-    passed over unless they look like readings that were damaged. Decimals, none above 5.5, may be
-    volts: they are no frames until a larger one arrives, or `full_scale` says what they are.
+    says which, one reading; each in the ADC's range, in digits and a decimal point, or one that was
+    not read. A digit that the wire changed into another goes unnoticed. Other lines are passed over
+    unless they look like readings that were damaged.
+
+    Numbers with decimals, none above 5.5, may be volts or shares of the supply: they are no frames
+    until a larger one arrives, or `full_scale` says what they are.
     """
 
     def __init__(self, rows: int, cols: int, adc_bits: int = 10, fmt: TextFormat | None = None):

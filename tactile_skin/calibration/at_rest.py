@@ -38,7 +38,10 @@ _WHOLE = 0.3  # and share of readings that may be so near to it
 def equal_lines(steps: np.ndarray, noise: float, cells: np.ndarray) -> list[tuple[int, int, int]]:
     """Return (axis, line, line) of each pair of lines that are one.
 
-    Of `cells` (rows, cols) bool, by their mean reading at rest and its noise [ADC steps].
+    Args:
+        steps: (rows, cols) mean reading of an untouched skin [ADC steps].
+        noise: RMS of each [ADC steps].
+        cells: (rows, cols) bool, those that exist.
     """
     if not cells.any() or np.mean(np.abs(steps - np.rint(steps))[cells] < _NEAR_WHOLE) > _WHOLE:
         return []  # rounded without noise that would average it away: many read alike
@@ -101,7 +104,12 @@ def which_are_one(steps: np.ndarray, noise: float, cells: np.ndarray) -> Finding
 
 
 def one_voltage(mean: np.ndarray, frames: int, noise: float, circuit: Circuit) -> Finding | None:
-    """Return that a second of rest, the mean ADC ratio of so many frames, shows no matrix."""
+    """Return that a second of rest shows no matrix; None: its cells differ.
+
+    Args:
+        mean: (rows, cols) of so many frames, ADC ratio.
+        noise: of a reading [ADC steps].
+    """
     cells, n = circuit.populated, np.count_nonzero(circuit.populated)
     if n == 1:  # there is nothing to compare it with
         return None
@@ -118,7 +126,10 @@ def one_voltage(mean: np.ndarray, frames: int, noise: float, circuit: Circuit) -
 
 
 def _fabric_spread(mean: np.ndarray, circuit: Circuit) -> float:
-    """Return the RMS by which cells of a good fabric that reads so differ [ADC steps]."""
+    """Return the RMS by which cells of a good fabric that reads so on average differ [ADC steps].
+
+    Those of a megohm differ by less than channels do.
+    """
     cells = circuit.populated
     usual = usual_resistance(mean, cells, circuit)
     if not 0.0 < usual < np.inf:
@@ -131,7 +142,10 @@ def _fabric_spread(mean: np.ndarray, circuit: Circuit) -> float:
 def odd_cell(times: np.ndarray, cells: np.ndarray, most: float) -> Finding | None:
     """Return a cell that is not at rest, or not connected.
 
-    `times` (rows, cols) is its conductance over the median cell's, `most` that of a cell at rest.
+    Args:
+        times: (rows, cols) conductance over the median cell's.
+        cells: (rows, cols) bool, those that exist.
+        most: what a cell at rest conducts at most, over the median cell.
     """
     times = np.where(cells, times, 1.0)
     if times.max() > most:
@@ -144,9 +158,13 @@ def odd_cell(times: np.ndarray, cells: np.ndarray, most: float) -> Finding | Non
 def weak_line(change: np.ndarray, cells: np.ndarray, *, first: bool) -> Finding | None:
     """Return a line whose lead breaks: a resistance before it, which hides most of a push.
 
-    `change` (rows, cols) is the log of each cell's conductance over the curve's, or over that which
-    was measured first. Fabric scatters cell by cell, or changes as a whole. Later the line must
-    have fallen both by itself and against the others: where a palm lay, cells conduct more.
+    Fabric scatters cell by cell, or changes as a whole; all of a line are off because of the
+    circuit. Later it must have fallen both by itself and against the others: where a palm lay,
+    cells conduct more for a while.
+
+    Args:
+        change: (rows, cols) log of each cell's conductance over the curve's, or the first one.
+        first: whether it is the first that is measured.
     """
     form, most = ("rest", _MAX_LINE_OFFSET) if first else ("fading", LINE_FALL)
     common = np.median(change[cells])

@@ -36,7 +36,10 @@ _SPREAD = 0.5  # standard deviation of its log10, about the usual one
 def as_it_comes(curve: PressureCurve, creep: Creep, known: Creep | None = None) -> PressureCurve:
     """Return the curve of a load that has just come, from one by objects that lay for `LAID` s.
 
-    If it is that of a load that has just come already, `known` is the creep by which.
+    What a cell conducts at rest has not crept.
+
+    Args:
+        known: creep by which the curve is such already; None: it is not.
     """
     factor = float(creep.gain(LAID) / (known or Creep()).gain(LAID))
     force, resistance = np.array(curve.points).T
@@ -159,9 +162,11 @@ class Standing:
         self._remembered = np.zeros(())  # (decades, rows, cols) [S]
 
     def update(self, t: float, force: np.ndarray) -> np.ndarray:
-        """(rows, cols) [N] of a load that had just come, by the force found in a frame at t [s].
+        """(rows, cols) [N] of a load that had just come.
 
-        Where the clock was set back, or after a gap, it begins anew.
+        Args:
+            t: when the frame was read [s]; set back, or after a gap, it begins anew.
+            force: (rows, cols) that was found in it [N].
         """
         elapsed, self._last = t - self._last, t
         if 0.0 <= elapsed < _GAP:

@@ -262,7 +262,8 @@ def _objects(weights: np.ndarray) -> np.ndarray:
 def _error(off: np.ndarray, std: np.ndarray, weights: np.ndarray) -> float:
     """Return the RMS error of a new total, by those (n,) left out; totals of one weight are one.
 
-    Boards mostly err as usual, one may by any factor (Cauchy's prior).
+    Each counts by what it was predicted with: an object that is harder than all others worst. The
+    mean of what is probable: boards mostly err as usual, one may by any factor (Cauchy's prior).
     """
     usual = np.square(off / std) * np.square(std).mean()  # if all were predicted alike
     squares = np.array([usual[weights == w].mean() for w in np.unique(weights)])

@@ -2,9 +2,15 @@
 """r_par and the resistance of stripes or drivers, from frames of touches (docs/derivation.md).
 
 Where nothing touches, the cells conduct what they did at rest, and the readings there tell what
-lies in series with them (solvers/evidence.py). Neither the curve nor a force is used. Of a grounded
-matrix the sum of r_ref and r_par is told, and r_par is what is left of it; of this and of a loaded
-one the stripes are taken as ideal.
+lies in series with them. The touched cells of a frame, and their neighbours, are unknown. What
+they can take of a change of the circuit is projected out of the misfit; what is left of it gathers
+over the frames as a score and its information. Neither the curve nor a force is used.
+
+All readouts determine r_par. That of a loaded matrix, its driver's, lowers the driven line's voltage the
+more the harder what is touched on that line. That of a grounded one lies with r_ref, whose voltage
+the touched cells of a sense line take from others; only that sum is determined, to a share,
+and r_par is what is left of it; r_drive lowers the voltage of all cells of a driven line. Of both
+the stripes are taken as ideal.
 """
 
 from __future__ import annotations
@@ -88,7 +94,10 @@ def identify(frames, circuit: Circuit, rest: Rest, *, soft: bool = False) -> Ide
 
 
 def _converter_end(frames, circuit: Circuit) -> tuple[float, int]:
-    """ADC ratio at which the converter ends, or readings stop, and how many of them are there."""
+    """ADC ratio at which the converter ends, and how many of (n, rows, cols) readings are there.
+
+    Its full scale, or a lower height at which several readings stop that would differ.
+    """
     top = np.nanmax(frames, initial=0.0)
     stopped = frames > top - 0.5 / circuit.full_scale
     if np.count_nonzero(stopped) < SHELF or np.count_nonzero(stopped.any((1, 2))) < 2:
@@ -123,7 +132,13 @@ class Solution(NamedTuple):
 
     @classmethod
     def of(cls, found: list[Evidence], at, circuit: Circuit, rest: Rest, supposed: Supposed):
-        """Solve for what explains all frames best, each asked `at` so much beside the circuit's."""
+        """Solve for what explains all frames best, to first order.
+
+        Args:
+            at: (n, 2) ohm added to the circuit's, at which each was asked.
+            circuit: as it was supposed before the frames.
+            supposed: with which the last was asked.
+        """
         information = sum(e.information for e in found) + prior_of(circuit)
         pull = sum(e.score + e.information @ a for e, a in zip(found, at, strict=True))
         off = _bounded(np.linalg.solve(information, pull), information, circuit)
@@ -177,7 +192,11 @@ def prior_of(circuit: Circuit) -> np.ndarray:
 
 
 def without_r_par(circuit: Circuit) -> np.ndarray:
-    """(2,) ohm beside the circuit's, of an r_par of 0: from there the steps lead to any r_par."""
+    """(2,) ohm that lead from the circuit's to an r_par of 0.
+
+    From there the steps lead to any r_par; cells explain no hard touch on a loaded matrix behind
+    an r_par that is larger than what all of the line has.
+    """
     return np.array([-circuit.r_par, 0.0])
 
 
@@ -203,8 +222,12 @@ def std_of(
 ) -> np.ndarray:
     """(2,) [ohm]: by how much the frames' scores differ.
 
-    What noise and the model's error are supposed to leave counts as `FEWEST` frames more. All share
-    one measurement of the rest, whose noise no scatter shows, and what was supposed before.
+    With n frames that is known to a share of (2 n)^-0.5 only, so what noise and the model's error
+    are supposed to leave counts as `FEWEST` frames more. All share one measurement of the rest,
+    whose noise no scatter between them shows, and what was supposed before.
+
+    Args:
+        information: (2, 2) of the frames, and of what was supposed before.
     """
     scores = np.array([e.score for e in found])
     n = len(scores)
@@ -222,7 +245,10 @@ def std_of(
 
 
 def _unknown_rest(rest: Rest, supposed: Supposed) -> np.ndarray:
-    """(cells,) [S] standard deviation of what noisy cells conduct at rest, 0 of all others."""
+    """(cells,) [S] standard deviation of what noisy cells conduct at rest, 0 of all others.
+
+    They are taken for the usual cell: what the others differ by, they do.
+    """
     noisy = mask_of(rest.noisy, supposed.rest.shape)
     quiet = supposed.rest[supposed.circuit.populated & ~noisy]
     return (noisy * quiet.std()).ravel()

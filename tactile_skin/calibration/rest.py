@@ -87,9 +87,12 @@ def measure_rest(frames, circuit: Circuit) -> Rest:
 
 
 def check_all_is_sent(frames: np.ndarray, circuit: Circuit, threshold: float, steps: float) -> None:
-    """ValueError: the untouched cells of (n, rows, cols) ADC ratios lie below the threshold.
+    """ValueError: the untouched cells of these frames lie below the board's threshold.
 
-    It is 0 if all readings say something; `steps` is the same, for the message.
+    Args:
+        frames: (n, rows, cols) ADC ratio; NaN where a crossing was not read.
+        threshold: ADC ratio up to which a reading says nothing; 0: all of them say something.
+        steps: the same [ADC steps], for the message.
     """
     if not threshold:
         return
@@ -105,8 +108,8 @@ def check_all_is_sent(frames: np.ndarray, circuit: Circuit, threshold: float, st
 def _noisy_cells(off: np.ndarray, middle: np.ndarray, circuit: Circuit) -> tuple:
     """Return (row, column) of cells that scatter by themselves; ValueError: something touches.
 
-    That moves the readings of its rows and columns as well. So does a cell that loses its contact,
-    but it never conducts more than usual.
+    What touches moves the readings of its rows and columns as well. So does a cell that loses its
+    contact, but it never conducts more than usual.
     """
     drift = _drift(off) / np.maximum(middle * circuit.full_scale, 1.0)
     if abs(common := float(np.median(drift[circuit.populated]))) > _COMMON:
@@ -144,8 +147,8 @@ def _noisy_cells(off: np.ndarray, middle: np.ndarray, circuit: Circuit) -> tuple
 def _noise(off: np.ndarray) -> float:
     """Return the RMS of a usual reading [ADC steps], of (n, cells) from their medians.
 
-    All cells of a small skin move under a touch, but seldom from each frame to the next; noise may
-    be slow, too, a hum.
+    All cells of a small skin move under a touch, but seldom from each frame to the next. Noise may
+    be slow, too, a hum: the usual spread counts, up to that of the noisiest board.
     """
     quick = robust_std(np.abs(np.diff(off, axis=0))) / 2**0.5
     return max(quick, min(float(np.median(off.std(0))), MAX_NOISE))
@@ -197,7 +200,11 @@ def resting_conductance(
 ) -> np.ndarray:
     """Return the (rows, cols) conductance [S] of the cells of a skin that reads `adc`.
 
-    Cells that are `noisy`, (row, column), or were not read, NaN, conduct as the usual cell.
+    Args:
+        adc: (rows, cols) ADC ratio; NaN where a crossing was not read.
+        noise: of the reading [ADC steps].
+        noisy: (row, column) of cells whose reading is not used, as of those that were not read:
+            they conduct as the usual cell.
 
     Raises:
         ValueError: no cells near one another's resistance read so.
@@ -224,7 +231,11 @@ def resting_conductance(
 
 
 def usual_resistance(adc: np.ndarray, known: np.ndarray, circuit: Circuit) -> float:
-    """Return that of a cell [ohm], if (rows, cols) `adc` is read of equal ones, by those known."""
+    """Return that of a cell [ohm], if (rows, cols) `adc` is read of equal ones, by those known.
+
+    Foster's theorem: conductance times two-terminal resistance of equal cells is
+    (rows + cols - 1) / cells.
+    """
     scale, offset = readouts.apparent(circuit, np.where(known, adc, np.median(adc[known])))
     with np.errstate(divide="ignore"):
         rho = np.maximum(circuit.r_ref * scale / np.where(known, adc, 1.0) - offset, 0.0)

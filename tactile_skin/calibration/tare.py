@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """What each cell conducts while nothing touches, followed as the fabric ages, creeps and warms.
 
-It is measured in the pauses between touches, first at whatever level a fabric may rest, of readings
-that do not change. A cell that conducts more than the median cell by what `AT_REST` adds is not at
-rest. A line that conducts less is not the fabric's doing, and is not followed.
+A fabric's cells differ at rest, and drift. `PressureCurve.resting_at` gives that to the solvers;
+here it is measured, in the pauses between touches. The first measurement takes whatever level a
+fabric may rest at, of readings that do not change; from then on nothing is measured during a touch,
+nor shortly after. A cell that conducts more than the median cell by what `AT_REST` adds is
+not at rest. A line that conducts less is not the fabric's doing, and is not followed.
 """
 
 from __future__ import annotations
@@ -56,9 +58,12 @@ class Tare:
         curve: the given curve, with the cells' offsets once they are known.
         found: why the last measurement could not be used; None: it could.
         measured: whether there was one that could.
-        unseen: whether nothing shows yet that a matrix at rest is read.
+        unseen: whether nothing shows yet that a matrix at rest is read: no second of rest has gone
+            by, or all cells read alike in it, where those of a fabric would not, or conduct what
+            no fabric of this curve does, or readings have risen since the start.
         noise: RMS of a usual reading at rest [ADC steps]; None: not measured yet.
-        lines: lines that are one, by the last measurement; the rest is followed all the same.
+        lines: lines that are one, by the last measurement; None: there are none. The rest is
+            followed all the same.
     """
 
     def __init__(self, circuit: Circuit, curve: PressureCurve):
@@ -99,9 +104,15 @@ class Tare:
         self._frames: list[np.ndarray] = []
 
     def update(self, t: float, adc: np.ndarray, force: np.ndarray) -> bool:
-        """Take a frame and the force (rows, cols) found in it [N]; whether `curve` changed.
+        """Take a frame.
 
-        On ROS t [s] is the time of day: set back, it begins anew.
+        Args:
+            t: when it was read [s]. On ROS that is the time of day: set back, it begins again.
+            adc: (rows, cols) ADC ratio.
+            force: (rows, cols) that was found in it [N].
+
+        Returns:
+            whether `curve` changed.
         """
         if t < self._last:
             self._learned = -np.inf  # how long ago is unknown, and whether a pause is over
@@ -187,8 +198,10 @@ class Tare:
     def _follow(self, t: float, adc: np.ndarray) -> bool:
         """Take over by what all cells have drifted since, from a frame that nothing touches.
 
-        A measurement needs a longer pause than a hand at work leaves. A frame counts once no touch
-        follows it: the onset of one raises all readings of a floating matrix a little.
+        A measurement needs a longer pause between two touches than a hand at work leaves, and the
+        fabric goes on warming up. It does so slowly; a supply or a reference that fails does not.
+        A frame counts once no touch follows it: the onset of one raises all readings of a floating
+        matrix a little, always upwards.
         """
         if self._drifted is None:
             if t - max(self._quiet, self._followed) >= _DRIFTS_AFTER:
@@ -260,7 +273,8 @@ class _Window:
         mean: (rows, cols) ADC ratio, of `count` frames.
         noise: RMS of the usual reading, by what changes from frame to frame [ADC steps].
         spread: the same within both halves: a board's low-pass makes successive frames alike.
-        moved: (rows, cols) bool, readings of which the halves, or what follows, differ.
+        moved: (rows, cols) bool, readings of which the halves, or what follows, differ: there is a
+            touch, or its end.
     """
 
     def __init__(self, frames: np.ndarray, after: int, circuit: Circuit):

@@ -43,10 +43,12 @@ class Totals(NamedTuple):
 
     @classmethod
     def of(cls, ramps: np.ndarray, total: np.ndarray, slope: np.ndarray | None = None) -> Totals:
-        """Return the sums over frames of known total force (n,) [N].
+        """Return the sums over frames of known total force.
 
-        Each cell rises along each ramp by (n, rows, cols, k) [S], whose slopes (k,) [N/S] are alike
-        as far as they are not known.
+        Args:
+            ramps: (n, rows, cols, k) [S] how far each cell rises along each ramp.
+            total: (n,) [N].
+            slope: (k,) of the ramps [N/S], as far as they are known; None: all alike.
         """
         data = ramps.sum((1, 2)) / total[:, None]
         if slope is None:

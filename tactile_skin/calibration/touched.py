@@ -22,9 +22,13 @@ _NEW = 4.0
 
 
 def stands_anew(adc, before, last, noise: float) -> bool:
-    """Whether a touch stands since the frame before, and is another one than the last asked.
+    """Whether a touch stands, and is another one than the last that was asked.
 
-    All are (rows, cols) ADC ratios, NaN where not read, or None; the noise is that of one.
+    Args:
+        adc: (rows, cols) ADC ratio; NaN where a crossing was not read.
+        before: a frame shortly before it; None: there is none.
+        last: the last that was asked; None: there is none.
+        noise: RMS of a reading, as ADC ratio.
     """
     if before is None or _rms(adc - before) > _STANDS * noise:
         return False

@@ -110,7 +110,13 @@ class CircuitTracker:
         self._t = -np.inf  # s, since when one waits
 
     def offer(self, t: float, adc: np.ndarray, noise: float) -> None:
-        """Take a frame (rows, cols) with a touch, read at t [s]; of one that stands, the mean."""
+        """Take a frame with a touch; while one stands, their mean is asked when there is time.
+
+        Args:
+            t: when it was read [s].
+            adc: (rows, cols) ADC ratio; NaN where a crossing was not read.
+            noise: RMS of a reading [ADC steps].
+        """
         noise /= self._configured.full_scale
         standing = self._standing
         if standing is None or not stands_anew(adc, standing.mean, self._last, noise):
@@ -123,7 +129,11 @@ class CircuitTracker:
             self._waiting = standing
 
     def overdue(self, t: float, stopped: bool) -> bool:
-        """Whether a stretch has waited for a pause so long that it is asked in a touch."""
+        """Whether a stretch has waited for a pause for so long that it is asked in a touch.
+
+        Args:
+            stopped: whether nothing is lost if that takes some milliseconds.
+        """
         return self._waiting is not None and t - self._t > (_STOPPED if stopped else _PATIENCE)
 
     @property
@@ -131,6 +141,8 @@ class CircuitTracker:
         """Return by how much what lies in series may exceed that of `circuit` [ohm].
 
         This is the best guess, which may not be sure enough to be used, and its std.
+
+        An ohm of r_drive hides as much of a touch as one of r_par does on a loaded matrix.
         """
         n = len(self._known_to)
         more = np.maximum(self._off - self._adopted, 0.0)[:n].sum()
@@ -147,9 +159,14 @@ class CircuitTracker:
         return found
 
     def ask(self, curve: PressureCurve, noise: float) -> bool:
-        """Take the stretch that waits, in some milliseconds; whether `circuit` changed.
+        """Take the stretch that waits; some milliseconds.
 
-        The curve has the cells' rest, as measured if the circuit is `circuit`.
+        Args:
+            curve: with the cells' rest, as it was measured if the circuit is `circuit`.
+            noise: RMS of a reading [ADC steps].
+
+        Returns:
+            whether `circuit` changed.
         """
         stretch, self._waiting = self._waiting, None
         if stretch is None:

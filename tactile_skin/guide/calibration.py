@@ -206,7 +206,10 @@ class Guide:
             self._say("  What the touches do not tell stays as it is configured.")
 
     def _check_readout(self, touches: list[np.ndarray]) -> None:
-        """ValueError: another readout's; where something else explains them it is said only."""
+        """ValueError: they are those of another readout than the configured one.
+
+        Where something else explains them as well it is only said.
+        """
         hardest = sorted(touches, key=lambda touch: -np.nanmax(touch))[:HARDEST]
         at_rest = self.rest.quiet(self.rest.adc[None])[0]
         found = other_readout(self.circuit, at_rest, self.rest.noise, np.array(hardest))

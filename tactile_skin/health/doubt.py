@@ -51,7 +51,13 @@ class Doubt:
         self._touched = False
 
     def frame(self, t: float, suspect: bool, touched: bool) -> bool:
-        """Take a frame that was read at `t`; whether there is a fault."""
+        """Take a frame; whether there is a fault.
+
+        Args:
+            t: when it was read.
+            suspect: whether it is in doubt.
+            touched: whether anything was found to touch.
+        """
         self._recent.append(suspect)
         doubts = sum(self._recent)
         self.present = doubts >= (_OVER if self.present else _FAULT)

@@ -28,7 +28,12 @@ _NEIGHBOURS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], bool)
 
 
 class Often:
-    """Counts what happens to each cell (rows, cols), and forgets it in time."""
+    """Counts what happens to each cell, and forgets it in time.
+
+    Attributes:
+        count: (rows, cols) times.
+        cells: (rows, cols) bool, where it happens often.
+    """
 
     def __init__(self, shape, memory: float, limit: float):
         self._memory, self._limit = memory, limit

@@ -60,7 +60,10 @@ class Untouched(Check):
         self._since = np.inf  # s, the first of them
 
     def frame(self, seen: Seen) -> None:
-        """Take a frame; before the rest is known each look is compared with the one before."""
+        """Take a frame. Before the rest was measured each look is compared with the one before.
+
+        What falls by then would be tared away.
+        """
         t, rest = seen.t, seen.rest
         if seen.stirs or t < self._since < np.inf:  # or the clock was set back
             self._begin()
@@ -138,7 +141,13 @@ class Untouched(Check):
 def _another_line(
     now: np.ndarray, rest: np.ndarray, noise: float, known: np.ndarray
 ) -> Finding | None:
-    """Return which line reads as another one did, by how its cells differ; None: none does."""
+    """Return which line reads as another one did; None: none does.
+
+    Lines are compared by how their cells differ from each other: their level may drift.
+
+    Args:
+        noise: RMS of each of `now`, as ADC ratio.
+    """
     now, rest = (np.where(known, adc, 0.0) for adc in (now, rest))
     for axis, a, b, there in ((0, now, rest, known), (1, now.T, rest.T, known.T)):
         both = (there[:, None] & there[None]).astype(float)  # (lines, lines, cells of a line)

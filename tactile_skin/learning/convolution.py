@@ -12,7 +12,12 @@ _SIDE = 3  # cells of a filter
 
 
 def layer_of(weight: np.ndarray, bias: np.ndarray) -> npt.NDArray[np.float32]:
-    """Return a layer for `convolve` of PyTorch's (outputs, channels, 3, 3) and (outputs,)."""
+    """Return a layer for `convolve`, (outputs, 9 * channels + 1), of PyTorch's arrays.
+
+    Args:
+        weight: (outputs, channels, 3, 3).
+        bias: (outputs,), which comes last.
+    """
     return np.hstack([weight.reshape(len(weight), -1), bias[:, None]]).astype(np.float32)
 
 

@@ -62,7 +62,10 @@ class Glances(NamedTuple):
 def table_of(takes: Sequence[Take], reach: float = REACH, track=iter, jobs: int = 1) -> Table:
     """Return the features of takes; those without a touch are left out.
 
-    With a large `reach` [m] two hands are one gesture.
+    Args:
+        reach: touches within it of each other are one gesture [m]: large, and two hands are one.
+        track: wraps the takes, for a progress bar.
+        jobs: processes, as of `extras.each`.
     """
     features, where, weight, end = [], [], [], []
     of_each = each(functools.partial(glances, reach=reach), track(takes), jobs)
@@ -133,7 +136,10 @@ def sharpness_of(table: Table, shares: np.ndarray) -> float:
 
 
 def left_out(table: Table, trees: int = TREES) -> np.ndarray:
-    """Return (rows, classes) shares of each row by a forest and a line that knew not its person."""
+    """Return (rows, classes) shares of each row by a forest and a line that knew not its person.
+
+    Where a gesture is of one person only, by those that knew not its take.
+    """
     classes, label = np.unique(table.label, return_inverse=True)
     groups = _folds(table)
     shares = np.zeros((len(label), len(classes)))
@@ -156,7 +162,15 @@ def _folds(table: Table) -> np.ndarray:
 def fit(
     table: Table, label: np.ndarray, use: np.ndarray, trees: int = TREES, seed: int = 0
 ) -> tuple[Forest, Logistic]:
-    """Fit a forest and a line to the rows of a table in `use`, of classes numbered in `label`."""
+    """Fit a forest and a line to some rows of a table.
+
+    Args:
+        label: (rows,) number of each row's class.
+        use: (rows,) bool.
+
+    Raises:
+        ModuleNotFoundError: scikit-learn is missing.
+    """
     from sklearn.ensemble import ExtraTreesClassifier
     from sklearn.linear_model import LogisticRegression
 

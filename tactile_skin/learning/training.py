@@ -102,7 +102,11 @@ def _through(x, context, head):
 
 
 def _last(force, training: bool):
-    """Apply the output neuron: a ReLU, which leaks in training, so that 0 everywhere is no end."""
+    """Apply the output neuron: a ReLU, which leaks in training.
+
+    Most cells are at rest, so that the answer 0 everywhere is tempting, and a plain ReLU would
+    never come back from it.
+    """
     return nn.functional.leaky_relu(force, _LEAK if training else 0.0)
 
 

@@ -2,7 +2,10 @@
 """From what the ADC reads to the circuit's ratio: scale, table, polarity, diodes, no reading.
 
 The solvers know a ratio from 0 to 1, the voltage over the reference resistor as a share of the
-divider's supply. Boards send counts, and few are that ratio times 2^bits - 1.
+divider's supply. Boards send counts, and few of them are that ratio times 2^bits - 1: an ADC may
+have a reference of its own, an ESP32's is not linear and reads 0 up to 142 mV, readings fall with
+pressure where the reference resistor is on the side of the supply, and a diode keeps a part of the
+supply from the line that is driven through it. This is the one place that knows.
 """
 
 from __future__ import annotations
@@ -110,14 +113,22 @@ class Adc:
         return self.circuit.full_scale * self._sample
 
     def unread(self, samples: Samples) -> Bools:
-        """(..., rows, cols) bool: crossings that are named as such, marked, or 0 with no cell."""
+        """(..., rows, cols) bool: crossings that are named as such, marked, or 0 with no cell.
+
+        Args:
+            samples: of skin/adc.
+        """
         unread: Bools = samples == NOT_READ
         if self.circuit.mask is not None:  # through its neighbours it would read more than 0
             unread |= ~self.circuit.mask & (samples == 0)
         return unread if self.scanned is None else unread | ~self.scanned
 
     def marked(self, samples: Samples, unread: Bools | None = None) -> Samples:
-        """Return samples as skin/adc carries them: NOT_READ where no reading is, `unread` too."""
+        """Return samples as skin/adc carries them: NOT_READ where no reading is, and only there.
+
+        Args:
+            unread: (rows, cols) bool, what the board itself says that it did not read.
+        """
         known = np.minimum(samples, NOT_READ - 1)
         absent = self.unread(known)
         if unread is not None:
@@ -139,7 +150,8 @@ class Adc:
     def ratio(self, count: Value) -> Value:
         """Turn a reading [ADC steps] into an ADC ratio in [0, 1]; noise beyond is cut off.
 
-        With a diode a picture (..., rows, cols) is needed: a line's readings tell its current.
+        The low-pass may round the largest reading up by less than a step. With a diode a picture
+        is needed, (..., rows, cols): a line's current follows from all of its readings.
         """
         share = self._share_of(count)
         ratio: Value = np.minimum(np.maximum(1.0 - share if self.inverted else share, 0.0), 1.0)
@@ -174,7 +186,8 @@ class Adc:
     def range(self) -> tuple[float, float]:
         """The ratios that the ends of the ADC's range stand for.
 
-        A reading there is a bound: an ESP32 reads 0 for whatever is below 142 mV.
+        A reading there says only that the ratio is not above the lower one, or not below the upper
+        one: an ESP32 reads 0 for whatever is below 142 mV, and its largest number above 3.13 V.
         """
         ends = np.array([0.0, self.circuit.full_scale])
         share = np.clip(self._share_of(ends), 0.0, 1.0)
@@ -188,7 +201,11 @@ class Adc:
         return ((ratio <= low) & (low > 0.0)) | ((ratio >= high) & ends)
 
     def _behind_diode(self, share: float | Floats) -> Any:
-        """Return what the diode leaves of the supply, as share of it, by what is read behind it."""
+        """Return what the diode leaves of the supply, as share of it, by what is read behind it.
+
+        All current of a driven line returns through the reference resistors: through one if
+        floating, through those of all sense lines if loaded.
+        """
         amperes = np.asarray(share) * (self.supply / self.circuit.r_ref)
         amperes = self.circuit.readout_class.through_driver(self.circuit, amperes)
         slope = _SLOPES[0] if self.diode < _SCHOTTKY else _SLOPES[1]

@@ -1,9 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The resistor matrix and its read-out: what the ADC sees for given cell resistances.
 
-A skin is a bipartite resistor network: a node for each stripe, a resistor (the cell) where two
-cross. The paper's read-out connects one row and one column and sees the *two-terminal resistance*
-between the two, not the cell alone: that is the cross-talk. readouts/ has this and the others.
+A skin of ``rows x cols`` cells is a bipartite resistor network: one node per stripe, one resistor
+(the taxel) where a row stripe crosses a column stripe. The paper's read-out connects one row and
+one column and lets every other line float, so it sees the *two-terminal resistance* between the two
+stripes, not the taxel alone: that is the cross-talk. readouts/ has this and the others.
+
+All readings of a frame follow from one small inverse (laplacian.py, docs/derivation.md). The
+paper (section IV-B) solves one system of ``rows*cols + 1`` equations per reading instead; it stands
+in the tests as the oracle.
 """
 
 from __future__ import annotations

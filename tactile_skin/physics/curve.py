@@ -23,9 +23,11 @@ _DEFAULT_RESISTANCE = (40000, 12000, 6500, 3500, 1500, 800, 420, 170, 85)  # ohm
 
 
 class Table:
-    """A function that is linear between points (n,), as `np.interp`, in a third of its time.
+    """A function that is linear between points, as `np.interp`, which takes three times as long.
 
-    The points rise, and are not all alike.
+    Args:
+        points: (n,) where it is known, rising, not all alike.
+        values: (n,) there; before the first point and after the last the function stays.
     """
 
     def __init__(self, points: Floats, values: Floats) -> None:
@@ -164,7 +166,10 @@ class PressureCurve:
         return tared
 
     def with_gain(self, gain: npt.ArrayLike | None) -> PressureCurve:
-        """Return the curve of cells with (rows, cols) times the force; None, other arrays: 1."""
+        """Return the curve of cells with (rows, cols) times the force that it says; None: 1.
+
+        Of arrays that do not end in (rows, cols) it is that of the usual cell.
+        """
         own = copy.copy(self)
         own.gain = None if gain is None else frozen(np.array(gain, dtype=float))
         if own.gain is not None:
@@ -175,7 +180,10 @@ class PressureCurve:
         return own
 
     def up_to(self, force: float) -> PressureCurve:
-        """Return the curve with a `max_force` of `force` [N] at least: it goes on as it ended."""
+        """Return the curve with a `max_force` of `force` [N] at least.
+
+        Beyond its last point a cell conducts more with each newton as between its last two.
+        """
         end = force / (1.0 if self.gain is None else float(self.gain.min()))
         (before, _), (last, _) = self.points[-2:]
         if end <= last:
@@ -252,7 +260,10 @@ class PressureCurve:
         return slope
 
     def describe(self) -> dict[str, list[float]]:
-        """Return the points as plain lists, without one skin's offset and gain, as `load` reads."""
+        """Return the curve's points as plain lists, as trained weights keep them.
+
+        `load` reads them. Offset and gain, which belong to one skin, are left out.
+        """
         force, resistance = zip(*self.points, strict=True)
         return {"force": list(force), "resistance": list(resistance)}
 

@@ -36,14 +36,18 @@ def fixed_point(
 
     Args:
         g: (rows, cols) where to begin [S]; not changed.
-        cells: (n,) flat, the cells that move; `measured` (n,) [ohm]; low, high: bounds of log g.
-        r_ref, r_par: of the divider [ohm], by which the misfit is weighed; with `read` (n,) too.
+        cells: (n,) flat, the cells that move; the others stay.
+        measured: (n,) measured two-terminal resistance of each [ohm].
+        low, high: (n,) bounds of log g.
+        r_ref, r_par: of the voltage divider [ohm], by which the misfit is weighed; with `read`
+            also (n,) of them.
         goal: sum of the squared misfits of the ADC ratios at which to stop.
+        steps: at most so many.
         deadline: `time.monotonic` at which to stop; compiled, at which not to begin.
         read: g (rows, cols) -> rho (rows, cols); None: `connected_rho`.
 
     Returns:
-        g (rows, cols) and the steps taken, `steps` at most.
+        g (rows, cols) and the steps taken.
     """
     if read is None and time.monotonic() <= deadline:
         divider = float(r_ref), float(r_par)

@@ -52,7 +52,14 @@ def solve(g: Floats) -> Network:
 
 
 def connected_rho(g: Floats) -> Floats:
-    """(rows, cols) two-terminal resistances [ohm] of a connected network g [S], without `solve`."""
+    """Return the two-terminal resistance of each crossing, without all of `solve`.
+
+    Args:
+        g: (rows, cols) conductances [S] of a connected network, which is not checked.
+
+    Returns:
+        (rows, cols) [ohm].
+    """
     if (found := compiled.connected_rho(g)) is not None:
         return found
     if g.shape[0] > g.shape[1]:  # eliminate the longer side: the inverse stays small
@@ -66,7 +73,14 @@ def connected_rho(g: Floats) -> Floats:
 
 
 def two_terminal_resistance(conductance: Floats) -> Floats:
-    """(..., rows, cols) rho [ohm] of such conductances [S]; infinite where no path connects."""
+    """Return the resistance between row i and column j with every other line floating.
+
+    Args:
+        conductance: (..., rows, cols) of the cells [S], 0 where there is none.
+
+    Returns:
+        (..., rows, cols) rho [ohm]; infinite where no path connects the two lines.
+    """
     g = np.asarray(conductance, dtype=float)
     frames = g.reshape(-1, *g.shape[-2:])
     rho = np.empty(frames.shape)
@@ -106,7 +120,12 @@ def _rho_in_parts(g: Floats) -> Floats:
 
 
 def _reduced_root(g: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return R (rows, rows) with A = R R^T, a triangle; g D_c^-1 (rows, cols); D_c (cols,)."""
+    """Return the root of the reduced inverse A, and what leads from it to C and D.
+
+    Returns:
+        R (rows, rows) with A = R R^T, its triangle's ends on the diagonal; g D_c^-1 (rows, cols);
+        D_c (cols,).
+    """
     rows, cols = g.shape
     ones = np.ones(max(rows, cols))
     col_sum, row_sum = ones[:rows] @ g, g @ ones[:cols]  # faster than sum() at this size
@@ -134,9 +153,10 @@ def _two_point(rows: Floats, between: Floats, cols: Floats) -> Floats:
 
 
 def hessian_product(k: Floats, p: Floats) -> Floats:
-    """Return sum_b t_ab^2 p_b (rows, cols) in O(lines^3): K L(p) K between a's two lines.
+    """Return sum_b t_ab^2 p_b (rows, cols) in O(lines^3).
 
-    L(p) is the Laplacian of a network with conductances p (rows, cols) of either sign.
+    It is K L(p) K between a's two lines; L(p) is the Laplacian of a network with conductances p,
+    (rows, cols), of either sign.
     """
     if (found := compiled.hessian_product(k, p)) is not None:
         return found
@@ -154,7 +174,13 @@ def hessian_product(k: Floats, p: Floats) -> Floats:
 def hessian_solver(
     network: Network, g: Floats, cells: Ints, target: float = INEXACT
 ) -> Callable[[Floats], Floats]:
-    """Return b -> x (n,) with t_ab^2 x_b = b_a over flat cells, without the matrix."""
+    """Return b -> x (n,) with t_ab^2 x_b = b_a over (n,) flat cells that conduct g [S].
+
+    Without the matrix: a product costs O(lines^3).
+
+    Args:
+        target: of `conjugate_gradients`.
+    """
     picture, near = np.zeros(g.shape), near_hessian(network.rho, g, cells)
 
     def product(p: Floats) -> Floats:
@@ -165,10 +191,14 @@ def hessian_solver(
 
 
 def near_hessian(rho: Floats, g: Floats, cells: Ints) -> Callable[[Floats], Floats]:
-    """Return b -> x with t_ab^2 x_b about b_a, over flat cells: a preconditioner of its system.
+    """Return b -> x with t_ab^2 x_b about b_a, over some cells: a preconditioner of its system.
 
     Two cells of a line share about its resistance to all other lines, others nothing, so that
     the matrix is a diagonal and a constant for each line (Woodbury).
+
+    Args:
+        rho: (rows, cols) of conductances g (rows, cols) [S].
+        cells: (n,) flat, which.
     """
     rows = len(g)
     of_row, of_col = g.sum(1) ** -2.0, g.sum(0) ** -2.0
@@ -192,9 +222,15 @@ def near_hessian(rho: Floats, g: Floats, cells: Ints) -> Callable[[Floats], Floa
 
 
 def sensitivity(k: Floats, weight: Floats, readings: Ints, one: Ints, other: Ints) -> Floats32:
-    """Return weight_a * across_ab^2 (m, n): how reading a follows a conductance between lines b.
+    """Return weight_a * across_ab^2: how reading a follows a conductance put between two lines b.
 
-    Of K (lines, lines) [ohm], weight (rows, cols), flat readings (m,), and lines one, other (n,).
+    Args:
+        k: (lines, lines) K [ohm].
+        weight: (rows, cols) of each reading.
+        readings: (m,) flat, which; one, other: (n,) the lines.
+
+    Returns:
+        (m, n).
     """
     if (found := compiled.sensitivity(k, weight, readings, one, other)) is not None:
         return found

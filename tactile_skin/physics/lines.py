@@ -16,7 +16,7 @@ FIRST_ORDER = 15.0  # ohm of a stripe
 
 
 def added_resistance(k: Floats, g: Floats, r_row: Floats, r_col: Floats) -> Floats:
-    """Return (rows, cols) [ohm] what stripes of so many ohm add between leads, at first order.
+    """Return what stripes of small resistance add between a crossing's two leads, at first order.
 
     A small resistance in series with a branch adds itself times the square of the branch's current
     at unit current (Tellegen). With m_s the vector of the currents that a piece s carries for a
@@ -24,6 +24,11 @@ def added_resistance(k: Floats, g: Floats, r_row: Floats, r_col: Floats) -> Floa
 
     Args:
         k: inverse of the Laplacian of ideal stripes (lines, lines) [ohm].
+        g: (rows, cols) conductance of the cells [S].
+        r_row, r_col: (rows,) and (cols,) resistance of each stripe from lead to far end [ohm].
+
+    Returns:
+        (rows, cols) [ohm].
     """
     rows, cols = g.shape
     current = g[:, :, None] * (k[:rows, None] - k[None, rows:])  # (rows, cols, lines), of cells

@@ -18,10 +18,13 @@ def solve_in_box(
 ) -> tuple[Floats, Floats32 | None, Bools]:
     """Minimise 1/2 dx precision dx - b dx within [low, high], by a primal-dual active set method.
 
-    What leaves its bounds is put on that end and the others are solved again; clipping alone would
-    leave these where they would be right without the bounds. (Hintermueller, Ito and Kunisch, SIAM
-    J. Optim. 13, 2002; of hundreds of unknowns 5 to 8 rounds.) Of matrices (n, n) the upper
-    triangle counts.
+    What leaves its bounds is put on that end and the others are solved again, and what would leave
+    its end inwards is freed. Clipping alone would leave the others where they would be right
+    without the bounds, and the step would often go up. (Hintermueller, Ito and Kunisch, SIAM J.
+    Optim. 13, 2002; of hundreds of unknowns 5 to 8 rounds.)
+
+    Args:
+        precision: (n, n), upper triangle.
 
     Returns:
         dx, the Cholesky factor over the unknowns inside (None: there is none), which those are.
@@ -76,8 +79,13 @@ def inverse(factor: Floats32) -> Floats32:
 def roughness(x: Floats, weight: Floats, square: float) -> tuple[float, Floats, Floats, Floats]:
     """Sum weight/2 log(square + d^2) over all differences d between neighbouring cells.
 
-    Differences are of neighbours in a row, then in a column. Returns the cost, and its quadratic
-    majorant: gradient and diagonal (rows, cols) of the precision, entries off it.
+    Args:
+        x: (rows, cols).
+        weight: (differences,) of each d between neighbours in a row, then in a column.
+
+    Returns:
+        the cost, and its quadratic majorant: gradient and diagonal of the precision (rows, cols),
+        entries off it, of each difference.
     """
     rows, cols = x.shape
     split, d = rows * (cols - 1), np.empty(weight.size)

@@ -155,7 +155,11 @@ def _role_by_name(name: str, counts: bool) -> Role | None:
 
 
 def _role_by_lines(values: np.ndarray, cycle: int) -> Role | None:
-    """Return whether (n,) integers are the row of a line, or count frames of `cycle` lines."""
+    """Return what (n,) integers are by how they run through the `cycle` lines of each frame.
+
+    What counts the lines of a frame is a label, the row of a line; what stays within a frame and
+    rises from one to the next is a counter. None: neither.
+    """
     lines = values[: len(values) // cycle * cycle].reshape(-1, cycle)
     within = np.diff(lines, axis=1)
     if len(lines) and (within == 1.0).all():
@@ -247,7 +251,10 @@ class Stamps(NamedTuple):
 
 
 def stamps(words: Sequence[str]) -> Stamps | None:
-    """Return what dates or times of day say; None: most of the texts are neither."""
+    """Return what dates or times of day say; None: most of the texts are neither.
+
+    ISO 8601 and its usual variants, days with the year in front or behind, am and pm.
+    """
     for day, clock in product(_DAYS, _CLOCKS):
         written = f"{day} {clock}".strip()
         if not written or all(_seconds(word, written) is None for word in words[:_TRIED]):

@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far a skin is from what the solvers know of it: each effect by its strength."""
+"""How far a skin is from what the solvers know of it: each effect by its strength.
+
+The solvers know stripes without resistance, cells on one curve and a frame read in an instant.
+Here stripes have resistance, are cut and touch one another; cells scatter, leak sideways and stick;
+the board drifts, saturates and reads one row after the other while the contact moves.
+"""
 
 from __future__ import annotations
 

@@ -2,8 +2,10 @@
 """Readings that no skin can give beside the others: set aside, a few, where a contact was bad.
 
 Whatever its cell does, a reading is at least what the paths through the other cells let through.
-One below that says nothing about the skin, and the others determine the picture without it. A line
-that is open or leads badly does not pass for that.
+One that lies below that was taken while a contact of its line was bad, the multiplexer had not
+settled, or the recorder lost it. It says nothing about the skin, and the others determine the
+picture without it. A line that is open or leads badly does not pass for that: too many of its
+readings miss, or what presses on it is read by it alone.
 """
 
 from __future__ import annotations
@@ -37,9 +39,10 @@ Fit = Callable[[Reading, np.ndarray], Estimate]
 
 
 def without_bad_contacts(reading: Reading, fit: Fit, estimate: Estimate) -> Estimate | None:
-    """Return the estimate of a suspect frame without readings that contradict the others, if so.
+    """Return the estimate of a suspect frame without readings that contradict the others.
 
-    Beside a touch that a saturated input cuts off, readings seem too low, and are not.
+    None: there are none, or too many, or the others are not explained either; or the input is
+    saturated: readings beside a touch that is cut off seem too low, and are not.
     """
     if saturation(reading):
         return None
@@ -67,7 +70,10 @@ def without_bad_contacts(reading: Reading, fit: Fit, estimate: Estimate) -> Esti
 
 
 def _explained(left: Reading, estimate: Estimate) -> bool:
-    """Whether the readings that carry a value are explained without those set aside."""
+    """Whether the readings that carry a value are explained without those set aside.
+
+    Of those below a threshold most say nothing either way, and would make up for a misfit.
+    """
     off = _misfit(left, last_guess(left, estimate))
     return bool(np.square(off)[left.known].mean() <= _CHI)
 
@@ -80,7 +86,10 @@ def _bad_line(aside: np.ndarray, usable: np.ndarray, force: np.ndarray, axis: in
 
 
 def _moved(aside: np.ndarray, usable: np.ndarray) -> bool:
-    """Whether a touch moved: the first or the last readings of a column miss it."""
+    """Whether a touch moved while the rows were read, one after the other.
+
+    Then the first or the last readings of a column miss what was there at the others.
+    """
     least = _LEFT * np.maximum(usable.sum(0), 1)
     for missed, read in ((aside, usable), (aside[::-1], usable[::-1])):
         run = np.logical_and.accumulate(missed | ~read) & read
@@ -90,9 +99,10 @@ def _moved(aside: np.ndarray, usable: np.ndarray) -> bool:
 
 
 def _impossible(reading: Reading, estimate: Estimate, aside: np.ndarray) -> np.ndarray:
-    """(rows, cols) bool: readings of cells at rest below what the others let through, the worst.
+    """(rows, cols) bool: readings that lie below what the others let through.
 
-    A reading that is far off draws the fit away from others that are sound.
+    Those of cells at rest, and of them the worst: a reading that is far off draws the fit away
+    from others that are sound. One that was set aside, and agrees with the fit without it, is not.
     """
     g = last_guess(reading, estimate)
     off = -_misfit(reading, g)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What one frame says of the resistances that lie in series (docs/derivation.md).
 
-Untouched cells conduct what they did at rest, touched ones anything. What the touched cells can
-take of an ohm more is projected out of its pattern, and out of the misfit; what is left of both
-gives a score and its information, which add up over frames.
+Untouched cells conduct what they did at rest, touched ones anything. An ohm more of r_par changes
+the readings by a pattern; what the touched cells can take of it is projected out of it, and out of
+the misfit. What is left of both gives a score and its information, which add up over frames.
 """
 
 from __future__ import annotations
@@ -63,7 +63,12 @@ def series_scale(circuit: Circuit) -> float:
 
 
 def past(columns: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
-    """Return what unknowns of jacobian (readings, n) leave of columns (readings, k)."""
+    """Return what unknowns leave of changes of the readings, (readings, k) in standard deviations.
+
+    Args:
+        columns: (readings, k).
+        jacobian: (readings, n) d model / d x of the unknowns, x = log of a conductance.
+    """
     precision = jacobian.T @ jacobian
     precision.reshape(-1)[:: len(precision) + 1] *= 1.0 + _RIDGE
     return columns - jacobian @ solve(precision, jacobian.T @ columns)
@@ -80,10 +85,13 @@ class Evidence(NamedTuple):
     """What one frame says of the circuit that is supposed.
 
     Attributes:
-        score: (2,) d(-chi^2 / 2) / d(r_par, `Readout.second`) past the touched cells [1/ohm].
+        score: (2,) d(-chi^2 / 2) / d(r_par, `Readout.second`) past what the touched cells can take
+            [1/ohm]; 0 where the latter is not modelled.
         information: (2, 2) of the same [1/ohm^2].
-        by_rest: (2, rows, cols) d score / d (conductance of each cell at rest) [1/ohm/S].
-        chi2, count: of the fit, and of the readings past its unknowns.
+        by_rest: (2, rows, cols) by how much the score changes with what each cell conducts at rest
+            [1/ohm/S].
+        chi2: of the fit.
+        count: readings past the unknowns.
     """
 
     score: np.ndarray
@@ -94,11 +102,13 @@ class Evidence(NamedTuple):
 
 
 class Supposed:
-    """A circuit, and what its cells conduct at rest, (rows, cols) [S], as measured with it.
+    """A circuit, and what its cells conduct at rest.
 
     Args:
+        rest: (rows, cols) conductance of each cell at rest [S], as it is measured with the circuit.
         hard: HARD or SOFT.
-        exact: whether stripes are taken beyond first order, in the time of the literal network.
+        exact: whether stripes are taken beyond first order; the time is that of the literal network
+            for each frame.
         end: ADC ratio at which the converter ends.
     """
 
@@ -126,21 +136,34 @@ class Supposed:
 
     @cached_property
     def _shifts(self) -> tuple[np.ndarray, np.ndarray]:
-        """(rows, cols) [S/ohm] that cells at rest then conduct more for an ohm of either."""
+        """(rows, cols) [S/ohm] that resting cells conduct more for an ohm of r_par; of the other.
+
+        So the untouched skin reads what it read.
+        """
         resting, other = self._resting, self._resting.by_second
         if other.any():
             other = resting.cells_for(self._cells, -other)
         return resting.cells_for(self._cells, -resting.by_r_par), other
 
     def by_reading(self, by_rest: np.ndarray) -> np.ndarray:
-        """(2, readings) change of a score, of such `by_rest`, with the rest's [1/ohm/ADC step]."""
+        """(2, readings) by how much a score changes with each reading of the rest [1/ohm/ADC step].
+
+        Args:
+            by_rest: of `Evidence`, or a sum of them.
+        """
         found = [self._resting.readings_for(self._cells, b).ravel() for b in by_rest]
         return np.array(found) / self.circuit.full_scale
 
     def evidence(self, adc: np.ndarray, noise: float) -> Evidence | None:
-        """Fit the touched cells of a frame (rows, cols) of such noise [ADC steps]; what is left.
+        """Fit the touched cells of a frame, and see what is left.
 
-        None: nothing touches, or too much to check the rest, or nothing explains the frame.
+        Args:
+            adc: (rows, cols) ADC ratio; NaN where a crossing was not read.
+            noise: RMS of a reading [ADC steps].
+
+        Returns:
+            None: nothing touches, or so much that the rest cannot be checked, or nothing explains
+            the frame.
         """
         circuit = self.circuit
         reading = check_reading(adc, circuit, self._curve, missing=True, noise=noise)
@@ -201,7 +224,11 @@ class Supposed:
         ]
 
     def _past_touched(self, model: Linearised, touched: np.ndarray, further) -> tuple:
-        """Return what touched cells leave of patterns, misfit and the latter past these; `more`."""
+        """Return what the touched cells cannot take, and the held cells that are touched.
+
+        Returns:
+            (readings, 2) `_patterns`, (readings,) misfit, what no circuit takes of it, flat cells.
+        """
         jacobian = _jacobian(model, self._cells)
         free = touched.flat[self._cells]
         pictures = (*self._patterns(model, further), model.misfit)

@@ -61,7 +61,10 @@ def _conductance(estimate: Estimate, curve: PressureCurve) -> np.ndarray:
 
 
 def fill(reading: Reading, g: np.ndarray) -> np.ndarray:
-    """Start cells that were not read from their neighbours' mean log g: no holes in a touch."""
+    """Start cells whose own reading is missing from the mean of their read neighbours' log g.
+
+    From rest, the prior would take them for holes in a touch.
+    """
     unread = reading.circuit.populated & ~reading.informative
     if not unread.any():
         return g
@@ -72,9 +75,13 @@ def fill(reading: Reading, g: np.ndarray) -> np.ndarray:
 
 
 def iterate(reading: Reading, g, steps: int, target: float) -> tuple[np.ndarray, int]:
-    """`kernel.fixed_point` of cells that were read, until the RMS misfit is `target` [ADC steps].
+    """`kernel.fixed_point` over the cells that were read, until the RMS misfit is `target` steps.
 
-    Returns g (rows, cols) [S], within the curve's bounds, and the steps taken.
+    Args:
+        target: [ADC steps].
+
+    Returns:
+        g (rows, cols) [S], within the curve's bounds, and the steps taken.
     """
     circuit = reading.circuit
     # nothing to iterate: g is the closed form, or near it

@@ -45,7 +45,9 @@ def _with_single_cells(force: np.ndarray, there: tuple, reading: Reading):
     """Return the force with cells that their reading determines alone; `network_of` it, if known.
 
     The networks learnt from touches of several cells: of a corner of 10 kg on one cell they find
-    half, or nothing at the skin's rim, and a stop would not come.
+    half, or nothing at the skin's rim, and a stop would not come. Nearly all of the current at the
+    crossing flows through such a cell, so the current around it, as the network's force implies it,
+    need not be accurate.
     """
     around = 1.0 / there[2].rho - there[1]  # S
     alone = around * reading.rho < 1.0 - _OWN_SHARE

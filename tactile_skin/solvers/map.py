@@ -52,7 +52,8 @@ def map_estimate(reading: Reading, start: Estimate | None = None) -> Estimate:
     """Most probable force, from `start` or from a few steps of the fixed point.
 
     A start may lead to a bad local fit, so a suspect frame is solved again without it. What is
-    doubted once the time is over, more time might explain.
+    doubted once the time is over, more time might explain. Where two pictures may explain a frame,
+    both are sought, each from a start of its own.
     """
     reading, warm = reading.above_cut_off(), start is not None
     g = first_guess(reading) if start is None else last_guess(reading, start)
@@ -103,7 +104,11 @@ def _unless_another(reading: Reading, estimate: Estimate) -> Estimate:
 
 
 def _unchanged(reading: Reading, start: Estimate, g: np.ndarray) -> Estimate | None:
-    """Return the last frame's estimate if it explains this one as well: the load is the same."""
+    """Return the last frame's estimate if it explains this one as well: the load is the same.
+
+    The misfit of readings of the same load to the last fit is noise, and a little more for the
+    noise that that fit had absorbed.
+    """
     if start.method != "map" or start.status != "ok" or not reading.noise:
         return None
     noise = reading.noise if reading.noise_given else start.noise
@@ -116,10 +121,12 @@ def _unchanged(reading: Reading, start: Estimate, g: np.ndarray) -> Estimate | N
 def _fit(
     reading: Reading, g: np.ndarray, warm: bool = False, fits: int = _MAX_FITS, level=True
 ) -> Estimate:
-    """Fit the load to a reading, from g; `warm`: that is close to the answer.
+    """Fit the load to a reading.
 
-    Where the noise was not given, so many `fits` may measure it. `level`: whether that prior is
-    tried.
+    Args:
+    warm: g is close to the answer; a step that went as predicted is then the last one.
+    fits: that may be made to measure the noise, where it was not given.
+    level: whether the load may be one of the level prior.
     """
     circuit, begin = reading.circuit, g
     g, steps = iterate(reading, g, START_STEPS, _NEAR * reading.fitted_noise)
@@ -159,7 +166,10 @@ def _fit(
 def _forces(
     reading: Reading, point: Point, step: _Step, converged: bool, broad: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(rows, cols) force [N], its standard deviation [N], and the ADC ratio that it gives."""
+    """Return the force of each cell [N], its standard deviation [N] and the ADC ratio it gives.
+
+    Each is (rows, cols). Where a fit has converged, each cell is smoothed with its neighbours.
+    """
     circuit = reading.circuit
     g, std_x, adc = point.model.g, _std_x(point, step.equations), point.model.adc
     # Readings that share a sum share its error, of which each cell's standard deviation tells
@@ -213,7 +223,11 @@ def _gain_alone(reading: Reading, point: Point) -> float:
 
 
 def _leaves_level(reading: Reading, point: Point) -> bool:
-    """Whether a fit with the level prior finds that the load does not cover the skin."""
+    """Whether a fit with the level prior finds a load that does not cover the skin.
+
+    The first guess lifts neighbours of a hard touch, which that prior lets go. Noise does the same
+    to an even load, so it must be known.
+    """
     at_rest = point.model.g < NEAR_REST * reading.bounds[0]
     return reading.noise_given and not prior_terms.is_broad(reading.circuit, at_rest)
 
@@ -228,7 +242,11 @@ def _with_noise_at_rest(reading: Reading, g: np.ndarray) -> Reading:
 
 
 def _noise_left(reading: Reading, point: Point, step: _Step) -> float:
-    """RMS noise [ADC steps] by what a fit leaves, corrected for what its unknowns absorbed."""
+    """RMS noise [ADC steps] by what a fit leaves, corrected for what its unknowns absorbed.
+
+    The distance of outliers does not count; where the unknowns absorb nearly all readings, the
+    noise is what boards usually have.
+    """
     absorbed = 0.0 if step.equations is None else step.equations.absorbed
     left = reading.n_informative - absorbed
     misfit = suspect.beside_sums(reading, point.model.misfit)
@@ -304,7 +322,10 @@ def _descend(reading: Reading, point: Point, step: _Step, broad: bool, ceiling) 
 
 
 def _std_x(point: Point, equations: NormalEquations | None) -> np.ndarray:
-    """(rows, cols) standard deviation of x; of cells at a bound by their own reading and prior."""
+    """(rows, cols) standard deviation of x: of the posterior for cells that met no bound.
+
+    From each one's own reading and prior alone for cells held at a bound.
+    """
     std_x = 1.0 / np.sqrt(point.curvature + 1e-12)
     if equations is not None:
         std_x.flat[equations.unknowns] = np.sqrt(equations.inverse.diagonal())

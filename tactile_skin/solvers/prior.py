@@ -32,10 +32,11 @@ _STEPS = 3  # at most; one nearly always
 
 
 class Differences:
-    """Which cells the prior compares: those to the right of one another, then those below.
+    """Which cells the prior compares: neighbours in a row and in a column.
 
     Attributes:
-        weight: (differences,) of each one's cost: 1, or 0 where a cell is missing.
+        weight: (differences,) of each one's cost weight/2 log(spread^2 + d^2): 1, or 0 where a cell
+            is missing; first those to the right, then downwards.
         here, there: (differences,) int32, flat cells, here < there, that a difference joins.
     """
 
@@ -66,10 +67,14 @@ class Quadratic(NamedTuple):
 
 
 def touches(x: np.ndarray, between: Differences) -> Quadratic:
-    """Most cells are at rest, where x (rows, cols) is 0; neighbours are alike, with sharp edges.
+    """Most cells are at rest; neighbours are alike, with sharp edges.
 
-    Each difference d costs 1/2 log(s^2 + d^2), an edge next to nothing more. Distance from rest
-    costs log(1 + d/s), whose slope at rest holds a cell there that noise alone would lift.
+    Each difference d has the cost 1/2 log(s^2 + d^2): small ones are drawn together, a large one,
+    an edge, costs next to nothing more. Distance from rest costs log(1 + d/s): its slope at rest
+    holds a cell there that noise alone would lift.
+
+    Args:
+        x: (rows, cols), 0 at rest and where there is no cell.
     """
     if (found := compiled.touches(x, between.weight, _SPREAD)) is not None:
         return Quadratic(*found)
@@ -110,7 +115,10 @@ def force_of(reading, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def pressed(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(rows, cols) g as of cells that all rest as the curve says [S], which is d g / d x; and x."""
+    """(rows, cols) g as of cells that all rest as the curve says [S], which is d g / d x; and x.
+
+    x is the log of it over that at rest; 0 where there is no cell.
+    """
     curve, cells = reading.curve, reading.circuit.populated
     gx = g if curve.offset is None else g - curve.offset * cells
     return gx, np.log(np.where(cells, gx * curve.points[0][1], 1.0))
@@ -131,7 +139,14 @@ def is_level(reading: Reading, g: np.ndarray) -> bool:
 
 
 class Point:
-    """All that follows from one g in a fit; its cost is in units of 1/2 chi^2."""
+    """All that follows from one g in a fit.
+
+    Attributes:
+        model: of the frame.
+        gx, x: (rows, cols), `pressed` of g.
+        prior: there.
+        cost: in units of 1/2 chi^2.
+    """
 
     def __init__(self, reading: Reading, g: np.ndarray, broad: bool):
         self.model = reading.linearised(g, reading.fitted_noise)
@@ -170,7 +185,10 @@ class Point:
         return jacobian
 
     def stepped(self, cells: np.ndarray, dx: np.ndarray) -> np.ndarray:
-        """(rows, cols) g [S] after a step dx of the x of flat cells (n,), within their bounds."""
+        """(rows, cols) g [S] after a step dx of the x of flat cells (n,), within their bounds.
+
+        It is taken in g: the readings are closer to linear in g than in log g.
+        """
         change = np.minimum(np.maximum(dx, _MOST_FALL), _MOST_RISE) * self.gx.ravel()[cells]
         low, high = (bound.ravel()[cells] for bound in self._bounds)
         g = self.model.g.copy()
@@ -260,10 +278,19 @@ def product(terms: Quadratic, x: np.ndarray, between: Differences) -> np.ndarray
 def with_neighbours(
     reading: Reading, point: Point, equations: NormalEquations, std_x: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Return g [S], std of x, and ADC ratio by what neighbours say, in place of `touches`.
+    """Return what the neighbours of each unknown say of it, after a fit, in place of `touches`.
 
-    A small network (learning/denoiser.py) says from the fit what is likely of each cell, and how
-    surely; one more step meets the readings with that as the only prior. None: it does not.
+    A fit knows some cells well, and some of a hard patch hardly at all. A small network
+    (learning/denoiser.py) says from it what is likely of each cell, and how surely; one more step
+    meets the readings with that as the only prior.
+
+    Args:
+        point: of the fit.
+        std_x: (rows, cols) its standard deviation of x.
+
+    Returns:
+        g [S], standard deviation of x, ADC ratio, (rows, cols) each; None: the fit stays, as
+        there is no step that meets the readings as well.
     """
     cells, free = reading.circuit.populated, equations.unknowns
     if not free.size:

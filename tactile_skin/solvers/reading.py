@@ -54,7 +54,10 @@ class Reading:
         return replace(self, noise=min(max(noise, ROUNDING_NOISE), MAX_NOISE))
 
     def above_cut_off(self) -> Reading:
-        """Return the same frame with readings next to 0, where hard loads push others, capped."""
+        """Return the same frame with readings next to 0 known as that only.
+
+        Where lines are driven, hard loads push others there.
+        """
         threshold = max(self.threshold, _CUT_OFF / self.circuit.full_scale)
         low = self.known & (self.adc <= threshold)
         if not (self.circuit.readout_class.loads_lower and self.noise and low.any()):
@@ -117,7 +120,10 @@ class Reading:
 
     @cached_property
     def rho(self) -> np.ndarray:
-        """(rows, cols) measured resistance [ohm], as `Readout.apparent` says, finite, above 0."""
+        """Return (rows, cols) measured resistance [ohm], kept finite and above 0.
+
+        It is two-terminal, or as `Readout.apparent` says.
+        """
         return self._rho_at(self.adc)
 
     def _rho_at(self, adc: np.ndarray) -> np.ndarray:
@@ -170,7 +176,12 @@ class Reading:
         return float((misfit @ misfit / max(self.n_informative, 1)) ** 0.5)
 
     def linearised(self, g: np.ndarray, std, network=None) -> Linearised:
-        """Return the model at conductances g (rows, cols) [S], by the readings' std [ADC steps]."""
+        """Return the model of the frame at conductances g (rows, cols) [S].
+
+        Args:
+            std: standard deviation of a reading [ADC steps], a number or (rows, cols).
+            network: of g, if known.
+        """
         network = network or readouts.solve(self.circuit, g)
         misfit = self.misfit(network.adc)
         misfit /= std
@@ -217,9 +228,12 @@ class Linearised(NamedTuple):
         return self.network.sensitivity(self.weight, readings, row, col)
 
     def grouped(self, cells: np.ndarray) -> tuple[Linearised, np.ndarray]:
-        """Return a model, and the few readings, (m,) int32, that say of the cells what all do.
+        """Return a model whose few readings say of the cells what all readings say.
 
         Lines without one of the cells read alike: one of them has the weight of all.
+
+        Returns:
+            the model with these weights, and (m,) int32 flat readings, those with a weight.
         """
         square, kept = np.square(self.weight), []
         lines = np.divmod(cells, self.g.shape[1])
@@ -306,9 +320,15 @@ def _known(adc: np.ndarray, circuit: Circuit, missing: bool) -> np.ndarray:
 
 
 def noise_at_rest(misfit: np.ndarray) -> float | None:
-    """RMS noise by the misfits [ADC steps] of cells at rest that are below 0; None: too few.
+    """RMS noise [ADC steps] of readings that lie below a model in which nothing can be lower.
 
     Noise that lifts such a reading may pass for a light touch; noise that lowers it cannot.
+
+    Args:
+        misfit: reading minus model of cells at rest [ADC steps].
+
+    Returns:
+        None: there are too few.
     """
     below = -misfit[misfit < 0.0]
     return robust_std(below) if below.size >= FEW else None
@@ -324,7 +344,8 @@ def rounding_left(steps: np.ndarray) -> float:
     """RMS error that rounding leaves of mean readings [ADC steps]; NaN: not read.
 
     Readings that noise does not move keep what rounding cut off: their means have no fraction. By
-    noise of half a step and more it is noise (dither; Widrow and Kollar, Quantization Noise, 2008).
+    noise of half a step and more the means of readings of all sizes take all fractions alike,
+    and what is left of rounding is noise (dither; Widrow and Kollar, Quantization Noise, 2008).
     """
     lost = 1.0 - np.nanmean(np.square(steps - np.rint(steps))) / ROUNDING_NOISE**2
     return float(ROUNDING_NOISE * max(lost, 0.0))

@@ -42,7 +42,8 @@ def by_reading(reading: Reading) -> Finding | None:
     """Return readings that no skin can give, whatever presses on it.
 
     A load only raises a reading, from that at rest to that of a short circuit behind r_par. Where
-    lines are driven it may lower others, all of a line alike.
+    lines are driven it may lower others, all of a line alike. Noise spreads even a flat touch's
+    readings.
     """
     circuit, steps, known = reading.circuit, reading.steps, reading.known
     margin = BEYOND * reading.noise + 1.0
@@ -78,7 +79,10 @@ def _rest_steps(circuit, curve) -> np.ndarray:
 
 
 def _place(bad: np.ndarray, known: np.ndarray) -> tuple[Where, dict, np.ndarray]:
-    """Return the line that most of the bad readings are on, if any; how many they are; which."""
+    """Return the line that most of the bad readings are on, as `Finding` takes it; empty: none.
+
+    count, of: of so many readings; and (rows, cols) bool, which are meant.
+    """
     count = int(np.count_nonzero(bad))
     for axis, turned, there in ((0, bad, known), (1, bad.T, known.T)):
         on, n = turned.sum(1), there.sum(1)
@@ -95,8 +99,11 @@ def saturation(
 ) -> dict[str, float] | None:
     """Return count and height [ADC steps] of the largest readings, where they lie at one height.
 
-    A saturated input does so. A flat touch, too, but the circuit explains that. `fewest` readings
-    within `thick` ADC steps, or as noise spreads them, are enough.
+    A saturated input does so. A flat touch, too, but the circuit explains that. None: they do not.
+
+    Args:
+        thick: ADC steps within which they do; None: as noise spreads them.
+        fewest: how many are enough.
     """
     top, circuit = reading.steps.max(), reading.circuit
     if reading.topped.any():  # it ends there, and what that means is known
@@ -147,14 +154,18 @@ def by_residual(
 
 
 def model_variance(reading: Reading) -> np.ndarray:
-    """(rows, cols) [ADC steps squared] by which real skins miss the model; 0 of exact readings."""
+    """(rows, cols) [ADC steps squared] of what every real skin reads off the circuit's model.
+
+    None of an exact reading, which comes from a simulation or a laboratory.
+    """
     return np.square(MODEL_ERROR * reading.steps) if reading.noise else np.zeros(reading.adc.shape)
 
 
 def beside_sums(reading: Reading, misfit: np.ndarray) -> np.ndarray:
     """Return a fit's misfit (rows, cols) without the mean of lines whose readings share a sum.
 
-    That sum hardly changes of a line that is loaded hard: the prior leaves some of it.
+    Of a line that is loaded hard the readings' sum hardly changes. So the prior, which pulls all of
+    its cells one way, leaves some of the sum, which is no noise.
     """
     if not reading.circuit.readout_class.shares_sum:
         return misfit
@@ -181,8 +192,13 @@ def estimate_from_force(
     """Return the estimate of a method that finds forces only; std and status by the misfit.
 
     The standard deviation is what each cell's resistance would have to change by, alone, to meet
-    its own reading. `slack`: times the noise by which a method that fits may miss a valid reading;
-    `network`: `network_of(force, reading)`, where it is known.
+    its own reading. An impossible reading is always suspect,
+    a misfit only after a method that fits.
+
+    Args:
+        slack: times the noise by which a method that fits may miss a valid reading; None: it does
+            not fit.
+        network: `network_of(force, reading)` where it is known already.
     """
     circuit, curve = reading.circuit, reading.curve
     log_g, g, model = network or network_of(force, reading)

@@ -62,7 +62,8 @@ _NOTHING = Push(np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), 0.0)
 def analyse_frame(force: np.ndarray, geometry: Geometry, cell_threshold: float) -> Frame:
     """Find the contacts of a frame and the push that they make together.
 
-    The direction's confidence is |sum f n| / sum f times total / (total + 10 cell_threshold).
+    The direction's confidence is |sum f n| / sum f, 1 where all touched cells face one way, 0 for
+    a squeeze, times total / (total + 10 cell_threshold): a touch near the threshold says little.
 
     Args:
         force: (rows, cols) on each cell [N], 0 or more.
@@ -98,13 +99,14 @@ def segment(force: np.ndarray, cell_threshold: float) -> tuple[np.ndarray, np.nd
     A contact is a hill of cells that touch (8 neighbours), each above a tenth of the threshold: a
     fingertip has a third of its force on its rim. Two hills that touch are two contacts where the
     highest way from one to the other falls below 0.6 of the lower peak, and both rise above the
-    threshold: a row between two fingers is seldom quite free, and no palm quite flat.
+    threshold: a free row between two fingers is seldom quite free in what was measured, and no
+    palm is quite flat.
 
     Args:
         force: (rows, cols) [N].
         cell_threshold: a hill whose strongest cell has no more [N] is no contact, unless all its
-            cells have 200 times as much, or 40 N, together: a body that leans is soft on each cell.
-            Of more than 40 N all such hills are one contact.
+            cells have 200 times as much, or 40 N, together: a body that leans on many cells is soft
+            on each. Of more than 40 N all such hills are one contact: it leans on several places.
 
     Returns:
         (m,) places of the touched cells in the flattened picture; (m,) each one's contact, from 0;
@@ -161,7 +163,17 @@ def _neighbours(rows: int, cols: int) -> np.ndarray:
 def _join(
     tops: list[int], hill: np.ndarray, around: np.ndarray, f: np.ndarray, threshold: float
 ) -> list[int]:
-    """Which hills are one contact."""
+    """Which hills are one contact.
+
+    Args:
+        tops: places of the hills' tops, rising.
+        hill: (m,) place of the top of each cell's hill.
+        around: (m, 9) places of each cell's neighbours, -1 for none.
+        f: (m,) forces, rising.
+
+    Returns:
+        for each top, the one that stands for its contact: the highest.
+    """
     # each border seen from above
     cell, side = ((around >= 0) & (hill[around] < hill[:, None])).nonzero()
     beside = around[cell, side]

@@ -2,7 +2,9 @@
 """A touch from its start to its release, in the terms of the social-touch field.
 
 The features are those of Jung et al., "Touching the Void - Introducing CoST: Corpus of Social
-Touch" (ICMI 2014), for one touch instead of the whole sensor, in SI units, and of the touch so far.
+Touch" (ICMI 2014), for one touch instead of the whole sensor, in SI units, and of the touch so far:
+they are final at its release. What is left out are the mean pressures of each row and column,
+which name places on the sensor and not what the hand does.
 """
 
 from __future__ import annotations
@@ -85,7 +87,12 @@ class _Course:
         self.largest = self.largest_area = 0.0
 
     def take(self, t: float, contact: Contact, hardest: float, changed: float, jump: float) -> None:
-        """Take the next contact; a centre that moves by `jump` [m] at once joined another."""
+        """Take the next contact of the touch.
+
+        Args:
+        hardest: pressure on one cell [Pa]; changed: sum of |change of force| [N]; jump: a
+            centre that moves so far at once [m] did not move, the touch joined another.
+        """
         self.end, self.last = t, contact.position.tolist()
         self.frames += 1
         self.pressure += contact.force / contact.area

@@ -106,7 +106,13 @@ class Pictures:
         self._std: np.ndarray | float = 0.0
 
     def update(self, t: float, force: np.ndarray, std: np.ndarray | float = 0.0) -> Picture | None:
-        """Take a frame (rows, cols) [N] of t [s] with its std; return the picture that it ends."""
+        """Take a frame; return the picture that it completes.
+
+        Args:
+            t: when it was taken [s].
+            force: (rows, cols) on each cell [N].
+            std: (rows, cols) or one, standard deviation of the force [N].
+        """
         step, self._last = t - self._last, t
         if not 0.0 < step <= _PAUSE:  # how long this frame lasts is not known
             self._begin(t, True)
@@ -290,7 +296,13 @@ class _Opinion:
 
 
 class Recogniser:
-    """Names the gestures on one skin, whose cells have a pitch [m], that are probable enough."""
+    """Names the gestures on one skin.
+
+    Args:
+        model: what it names.
+        pitch: distance between neighbouring cells [m].
+        min_probability: of a gesture that is named.
+    """
 
     def __init__(self, model: GestureModel, pitch: float, min_probability: float = 0.7):
         self.model, self.min_probability = model, min_probability
@@ -298,7 +310,12 @@ class Recogniser:
         self._opinions: dict[int, _Opinion] = {}  # of the gestures that go on, by id
 
     def update(self, t: float, force: np.ndarray, std: np.ndarray | float = 0.0) -> list[Named]:
-        """Take a frame (rows, cols) [N] of t [s] with its std; return what `Gathering` does."""
+        """Take a frame, as `Pictures.update`.
+
+        Returns:
+            The gestures that go on or have just ended, where this frame completes a picture; else
+            an empty list.
+        """
         gestures = self._gathering.update(t, force, std)
         if not gestures:
             return []

@@ -284,7 +284,10 @@ class Tracker:
 
 
 def stroke(touches: list[Touch]) -> tuple[np.ndarray, float]:
-    """Velocity (3,) [m/s] of a single touch along the skin, and how sure it is that it moves."""
+    """Velocity (3,) [m/s] of a single touch along the skin, and the confidence 0..1 that it moves.
+
+    Two touches at once, or none, make no stroke.
+    """
     held = [touch for touch in touches if touch.state != RELEASED]
     if len(held) != 1:
         return np.zeros(3), 0.0

@@ -291,7 +291,12 @@ _LENGTH = struct.Struct("<I")
 
 
 def parts_of(head: dict, arrays: dict[str, np.ndarray]) -> tuple[str, bytes]:
-    """Return two parts, for `packed_with`: what several messages have in common."""
+    """Return two parts, for `packed_with`: what several messages have in common.
+
+    Args:
+        head: JSON's own types; NaN is not allowed.
+        arrays: float32, uint16 or uint8, any shape.
+    """
     parts, listed = [], []
     for name, array in arrays.items():
         array = np.ascontiguousarray(array)

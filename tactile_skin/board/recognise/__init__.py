@@ -51,7 +51,10 @@ def recognise(data: bytes, shape: tuple[int, int] | None = None) -> Seen:
 
 
 def explain(parser: Parser) -> str:
-    """Why a parser finds no frames in its last bytes, for a person; empty: nothing is known."""
+    """Why a parser finds no frames in its last bytes, for a person; empty: nothing is known.
+
+    A setting is named only where the bytes leave no other explanation that is known here.
+    """
     seen = _last(parser, parser.shape)
     return _reason(parser, seen) if seen else ""
 

@@ -152,7 +152,15 @@ def _rises(column: np.ndarray) -> bool:
 
 
 def _roles(lead: np.ndarray, readings: int) -> tuple[list[str], int, tuple[int, ...], bool]:
-    """Return what each number in front of the readings is."""
+    """Return what each number in front of the readings is.
+
+    Args:
+        lead: (lines, k) numbers.
+
+    Returns:
+        row, col, index or skip for each; the first number of a place; how many rows, or (rows,
+        cols), or cells they count; whether each is known.
+    """
     k = lead.shape[1]
     for a in range(k - 1 if readings == 1 else 0):
         row, col = lead[:, a], lead[:, a + 1]
@@ -203,7 +211,10 @@ def _blocks(lines: list[_Line | None], kind: tuple) -> list[int]:
 
 
 def _apart(values: np.ndarray, lag: int) -> float:
-    """How far the readings of most lines are from those of the line `lag` before [as printed]."""
+    """How far the readings of most lines are from those of the line `lag` before [as printed].
+
+    The median over the lines: under a touch they move by more than rows differ.
+    """
     # the median over the lines: under a touch they move by more than rows differ
     return float(np.nanmedian(np.nanmean(np.abs(values[lag:] - values[:-lag]), axis=1)))
 

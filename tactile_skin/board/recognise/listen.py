@@ -28,7 +28,10 @@ class Heard:
         self.rate = self.seen.frames / seconds if seconds and not request else 0.0
 
     def fits(self, shape: tuple[int, int]) -> bool:
-        """Whether it is a board of this shape, or is recognised as one now that this is known."""
+        """Whether it is a board of this shape; it is recognised again where that leads to another.
+
+        A reading whose high byte never changes looks like the head of a packet.
+        """
         # a reading whose high byte never changes looks like the head of a packet
         if shape[0] * shape[1] != self.seen.cells:
             seen = recognise(self.data, shape)

@@ -1,8 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is wrong with a board, from a recording of its ordinary use: which wire, which cell.
 
+recorded.py   rest, noise and touches of the recording
+usable.py     whether it can be judged: what an ADC reads, of a matrix, and its rest
+readout.py    another readout than the configured one
+readings.py   faults of single readings: bits, ceiling, noise, open and loose lines
+order.py      lines that read alike, lines in the wrong order
+wiring.py     damage of wires and cells that explains the rest
+series.py     r_par, r_line, r_drive by the touches
+converter.py  an ADC that is not linear, diodes in the driven lines
+advice.py     what to enter, tried on the frames before it is proposed
+
 What the readings cannot tell is not guessed: two boards that read alike get the same finding, which
-then names both. advice.py tries what is proposed on the frames.
+then names both.
 """
 
 from __future__ import annotations

@@ -110,7 +110,10 @@ def _one_late(pictures: np.ndarray) -> Vote | None:
 
 
 def transposed(seen: Recorded) -> Vote | None:
-    """Return the vote for rows and columns exchanged; on a square skin no reading tells."""
+    """Return the touches' vote if the samples' rows and columns are exchanged; None: they are not.
+
+    On a square skin that is another touch's picture, and no reading tells.
+    """
     rows, cols = seen.circuit.shape
     if rows == cols or min(rows, cols) == 1 or not seen.circuit.populated.all():
         return None

@@ -139,7 +139,11 @@ def _moved(steps: np.ndarray, base: np.ndarray, rest: int, bits: int) -> np.ndar
 
 
 def _gaps(moved: np.ndarray, bit: int) -> list[_Gap]:
-    """Return the gap of a bit that is always 0, and of one that is always 1, by `_moved`."""
+    """Return the gap of a bit that is always 0, and of one that is always 1.
+
+    Args:
+        moved: how many readings there are at each step.
+    """
     margin = min((1 << bit) // 4, 4)  # noise at a block's ends
     each = moved.reshape(-1, 1 << bit)[:, margin : (1 << bit) - margin].sum(1)
     found = []
@@ -153,7 +157,10 @@ def _gaps(moved: np.ndarray, bit: int) -> list[_Gap]:
 
 
 def ceiling(seen: Recorded) -> tuple[float, Finding] | None:
-    """Return the height where readings end [ADC steps], as `Ceiling` sees it, and the finding."""
+    """Return the height where readings end that should rise further [ADC steps], and the finding.
+
+    As a running skin sees it. None: there is none.
+    """
     bits = seen.circuit.adc_bits
     watch, windows = Ceiling(Adc(seen.circuit)), Windows(bits)
     calm = seen.read & (seen.noise < _noise_limit(seen))  # others have more noise on top

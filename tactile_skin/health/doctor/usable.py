@@ -9,7 +9,7 @@ from scipy.ndimage import label
 from ...calibration.rest import NOISY, resting_conductance
 from ...calibration.touched import MOVED
 from ...findings.finding import Finding, Kind, at
-from ...readings.multiplied import Multiplied
+from ...readings.multiplied import is_multiplied
 from ...readings.processed import AT_END
 from ...readings.processed import Kind as Done
 from ...readings.processed import processed as processing
@@ -35,12 +35,10 @@ def processed(seen: Recorded) -> Finding | None:
             done = processing(np.round(steps - shift, DECIMALS), seen.circuit.adc_bits)
             if done and done.kind in kinds:
                 return Finding(Kind.ZEROS, detail=str(done))
-    if len(seen.touches) < FEW_TOUCHES:  # few numbers were read: chance gives them a rhythm
-        return None
-    numbers = Multiplied(seen.circuit.shape, seen.circuit.adc_bits)
-    for picture in seen.steps:
-        numbers.frame(picture)
-    return Finding(Kind.ZEROS, "multiplied") if numbers.found else None
+    enough = len(seen.touches) >= FEW_TOUCHES  # of few numbers chance gives some a rhythm
+    if enough and is_multiplied(cells, seen.circuit.adc_bits):
+        return Finding(Kind.ZEROS, "multiplied")
+    return None
 
 
 def at_an_end(seen: Recorded) -> Finding | None:

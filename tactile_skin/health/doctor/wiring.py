@@ -104,7 +104,10 @@ class Wires:
         return replace(self, reads=reads)
 
     def resistance(self) -> np.ndarray:
-        """Return (rows, cols) [ohm] that a divider of r_ref and r_par would read so."""
+        """Return (rows, cols) [ohm] that a divider of r_ref and r_par would read so.
+
+        It is the two-terminal resistance of a floating matrix.
+        """
         rows, cols = self.cells.shape
         indices = np.indices(self.cells.shape)
         nodes = rows + cols

@@ -15,7 +15,11 @@ from .. import bus
 
 @functools.cache
 def ros_class(kind: type) -> type:
-    """ROS's own class of a message or service of msg.py, if its package is installed."""
+    """ROS's own class of a message or service of msg.py.
+
+    Raises:
+        RosError: the package with its definition is not installed.
+    """
     package, folder, name = bus.type_name(kind).split("/")
     try:
         return getattr(importlib.import_module(f"{package}.{folder}"), name)
@@ -26,7 +30,11 @@ def ros_class(kind: type) -> type:
 
 
 def to_ros(message, made=None):
-    """Make ROS's own message of one of msg.py, field by field; `made`: the object to fill."""
+    """Make ROS's own message of one of msg.py, field by field; `made`: the object to fill.
+
+    Fields have the same names. Where their Python types differ, the fresh object's own value shows
+    which is wanted.
+    """
     made = ros_class(type(message))() if made is None else made
     for field in dataclasses.fields(message):
         value, like = getattr(message, field.name), getattr(made, field.name)

@@ -69,7 +69,12 @@ class Driven(Readout):
     @classmethod
     @abstractmethod
     def _from_supply(cls, circuit: Circuit, before: Floats, own: Floats) -> Floats:
-        """Return what lies between the supply and a source that drives each line alone [ohm]."""
+        """Return what lies between the supply and a source that drives each line alone [ohm].
+
+        Args:
+            before: (driven,) leads [ohm].
+            own: (driven,) of each line to ground, not driven [ohm].
+        """
 
     def _of_inverse(self, k: Floats, drive: Floats | float) -> None:
         """Fill P and K from the inverse; each driven line is driven through `drive` [ohm]."""

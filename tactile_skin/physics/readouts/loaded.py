@@ -46,7 +46,8 @@ class Loaded(Driven):
     def apparent(cls, circuit: Circuit, adc: Floats) -> tuple[Floats | float, float]:
         """Return scale and offset [ohm] of readings as the cells' resistances, without cross-talk.
 
-        The voltage is the driven line's own, behind r_par.
+        That is r_ref times voltage over current of the own cell, as if no current came to its sense
+        line from other cells; the voltage is the driven line's own, behind r_par.
         """
         along = -1 - circuit.sense_axis
         scale = 1.0 - circuit.r_par / circuit.r_ref * adc.sum(along, keepdims=True)
@@ -54,7 +55,10 @@ class Loaded(Driven):
 
     @classmethod
     def through_driver(cls, circuit: Circuit, currents: Floats) -> Floats:
-        """Return the sum of a line's currents; what was not read counts as the others' mean."""
+        """Return the sum of the currents through the reference resistors of all sense lines.
+
+        A crossing that was not read counts as the mean of those that were.
+        """
         if currents.ndim < 2:  # no picture
             return currents
         along = -1 - circuit.sense_axis

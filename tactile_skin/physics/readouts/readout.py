@@ -67,7 +67,11 @@ class Readout(ABC):
         return np.zeros(self.adc.shape)
 
     def behind_stripes(self, further: Floats) -> Readout:
-        """Return the same behind the stripes, at first order and (rows, cols) ohm `further`."""
+        """Return the same behind the circuit's stripes, at first order.
+
+        Args:
+            further: (rows, cols) [ohm] that they add beyond that.
+        """
         return self
 
     @abstractmethod
@@ -119,7 +123,11 @@ class Readout(ABC):
     def sharing(cls, circuit: Circuit, cells: float, picture: Floats | None) -> float:
         """Return how many cells of a touch may share the current through what lies in series.
 
-        Of so many cells that are alike, or by the (rows, cols) resistances of all of them [ohm].
+        An ohm there hides as much as so many ohm of each of them.
+
+        Args:
+            cells: how many it has, if they are alike.
+            picture: (rows, cols) resistances of all cells [ohm]; None: not known.
         """
 
     @classmethod
@@ -127,7 +135,8 @@ class Readout(ABC):
     def apparent(cls, circuit: Circuit, adc: Floats) -> tuple[Floats | float, float]:
         """Return how readings (..., rows, cols) become resistances that follow their own cell most.
 
-        That is r_ref * scale / adc - offset, of a scale that can be broadcast, and an offset [ohm].
+        Returns:
+            scale, to be broadcast, or a number, and offset [ohm], of r_ref * scale / adc - offset.
         """
 
     @classmethod
@@ -180,7 +189,11 @@ class Readout(ABC):
 
     @classmethod
     def through_driver(cls, circuit: Circuit, currents: Floats) -> Floats:
-        """Return (..., rows, cols) the driven line's current, by those of r_ref; NaN: not read."""
+        """Return the current of the line that is driven while each crossing is read.
+
+        Args:
+            currents: (..., rows, cols) of each crossing's reference resistor, NaN: not read.
+        """
         return currents
 
 

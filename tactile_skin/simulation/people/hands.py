@@ -115,7 +115,11 @@ class Hand(NamedTuple):
 def pressed(
     mat: Mat, hand: Hand, person: Person, rng: np.random.Generator, period: float
 ) -> np.ndarray:
-    """Return (T, rows, cols) force [N] of a hand; what lies beyond the edge presses elsewhere."""
+    """Return (T, rows, cols) force [N] of a hand; what lies beyond the edge presses elsewhere.
+
+    Args:
+        period: between pictures [s].
+    """
     steps = len(hand.force)
     out = np.zeros((steps, mat.rows, mat.cols))
     skin = texture(mat, person.rough, rng)
