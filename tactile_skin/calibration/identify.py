@@ -6,11 +6,11 @@ lies in series with them. The touched cells of a frame, and their neighbours, ar
 they can take of a change of the circuit is projected out of the misfit; what is left of it gathers
 over the frames as a score and its information. Neither the curve nor a force is used.
 
-All readouts determine r_par. That of a loaded matrix, its driver's, lowers the driven line's voltage the
-more the harder what is touched on that line. That of a grounded one lies with r_ref, whose voltage
-the touched cells of a sense line take from others; only that sum is determined, to a share,
-and r_par is what is left of it; r_drive lowers the voltage of all cells of a driven line. Of both
-the stripes are taken as ideal.
+All readouts determine r_par. That of a loaded matrix, its driver's, lowers the driven line's
+voltage the more the harder what is touched on that line. That of a grounded one lies with r_ref,
+whose voltage the touched cells of a sense line take from others; only that sum is determined, to a
+share, and r_par is what is left of it; r_drive lowers the voltage of all cells of a driven line. Of
+both the stripes are taken as ideal.
 """
 
 from __future__ import annotations
