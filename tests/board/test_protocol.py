@@ -273,6 +273,13 @@ def text_parser() -> TextParser:
 STEPS = np.array([[0, 1, 2], [500, 1022, 1023]])
 
 
+@pytest.mark.parametrize("end", [b"\n", b"\r\n", b",\n", b", \r\n", b"  \n"])
+def test_the_line_ends_of_hobby_sketches_are_understood(end):
+    (frame,) = text_parser().feed(line(STEPS, end))
+    np.testing.assert_array_equal(frame.samples, STEPS * 64)
+    assert frame.device_time_us is None
+
+
 def test_text_with_fractions_keeps_them():
     (frame,) = text_parser().feed(b"0.5,1.25,2,3,4,50\n")
     assert frame.samples[0].tolist() == [32, 80, 128]

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.bench.measure import moving_touch
 from tactile_skin.physics.curve import GRAM
-from tactile_skin.physics.laplacian import two_terminal_resistance
+from tactile_skin.physics.laplacian import conjugate_gradients, two_terminal_resistance
 from tactile_skin.physics.readouts import solve
 from tactile_skin.simulation import scenes
 from tactile_skin.solvers.newton import _height
@@ -35,6 +35,15 @@ def test_the_readings_are_the_gradient_of_the_log_determinant():
         up, down = (_height(reading, g + s, solve(circuit, g + s), slope) for s in (step, -step))
         difference = (up - down) / (2 * step[i, j])
         assert difference == pytest.approx(slope[i, j], rel=1e-4, abs=1e-3)
+
+
+def test_conjugate_gradients_solve_a_small_system():
+    rng = np.random.default_rng(2)
+    a = rng.standard_normal((12, 12))
+    a = a @ a.T + np.eye(12)
+    b = rng.standard_normal(12)
+    x = conjugate_gradients(lambda p: a @ p, lambda r: r / a.diagonal(), b, 1e-12)
+    np.testing.assert_allclose(a @ x, b, atol=1e-8)
 
 
 @pytest.mark.parametrize("family", scenes.FAMILIES)

@@ -46,6 +46,20 @@ def test_noisy_readings_are_met_as_well_as_those_of_ideal_stripes():
     assert errors[12.0] < 1.1 * errors[0.0]
 
 
+def test_stripes_that_nobody_told_of_are_not_met():
+    """The same readings with r_line = 0 miss by far more: the others had something to find."""
+    circuit, force = Circuit(r_line=12.0), rects((16, 16), 6, seed=2)
+    adc = forward(circuit, CURVE.resistance(force))
+    told, untold = (
+        [compensate(a, c, CURVE, "newton", noise=0.0) for a in adc] for c in (circuit, Circuit())
+    )
+    off = [
+        np.mean([np.abs(e.force - f).mean() for e, f in zip(found, force, strict=True)])
+        for found in (told, untold)
+    ]
+    assert off[1] > 20.0 * off[0]
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_each_method_takes_such_a_circuit(method):
     """From the last frame, too; what fits nothing is far off, but answers."""
