@@ -137,10 +137,10 @@ def plan_of(executable: str, args: RosArguments) -> Plan:
         part.namespace = args.namespace_of(part.kind, name, *of_all[1:]).strip("/")
         part.parameters += args.parameters_of(part.kind, name)
         part.remappings = args.remappings_of(part.kind, name) + program.remappings
-    plan = Plan([node for part in parts for node in with_skins(part)])
+    nodes, skins = [node for part in parts for node in with_skins(part)], []
     if executable == BODY and program.values().get("separate") is True:
-        plan.skins, plan.nodes = _programs(plan.nodes[:-1]), plan.nodes[-1:]
-    return plan
+        skins, nodes = _programs(nodes[:-1]), nodes[-1:]
+    return Plan(nodes, skins=skins)
 
 
 def _programs(nodes: list[NodeAction]) -> list[list[str]]:

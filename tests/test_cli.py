@@ -190,6 +190,18 @@ def test_an_end_while_it_loads_is_quiet(loaded):
     assert process.returncode in (-signal.SIGINT, 130)
 
 
+def test_a_launch_file_is_read_without_scipy():
+    """The board that it starts is simulated while SciPy loads; Ctrl-C is the skin's by then."""
+    code = """
+import sys
+from tactile_skin import launch
+launch.read_plan(launch.find("skin.launch.yaml"), {"port": "loop://"})
+print("scipy" in sys.modules)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout == "False\n", done.stderr
+
+
 def test_the_demo(tmp_path, monkeypatch):
     """Two hundred frames of the skin on a simulated board, started in an empty folder."""
     monkeypatch.setenv("TMPDIR", str(tmp_path))

@@ -154,7 +154,7 @@ def test_arguments_for_one_node_of_several():
     assert nodes["stop_on_push"].values() == {"threshold": 20.0}
     assert nodes["compensation"].parameters == []
     assert nodes["stop_on_push"].namespace == "left"
-    (made,) = Skin(ros.Plan(nodes=[nodes["stop_on_push"]])).build()
+    (made,) = Skin(ros.Plan([nodes["stop_on_push"]])).build()
     assert made.resolve_topic_name("skin/stop") == "/halt"
     other = nodes["compensation"].remappings
     assert other == [("skin/stop", "/other")]

@@ -39,7 +39,7 @@ def run(args) -> int:
             print(f"{argument.name}:={given}\n    {argument.description}")
         return 0
     plan, file = plan_of(args.words)
-    if not plan.nodes and not plan.commands:
+    if not plan.programs and not plan.commands:
         raise ValueError(f"{file}: starts nothing: must have a node or an executable")
     return spin(launch.Skin(plan))
 

@@ -16,7 +16,7 @@ from ..yaml_files import parse_yaml, read_yaml
 from .bus import Parameter
 from .package import BODY, COMPOSED, FOXGLOVE, NODES, PACKAGE, RECORDER, share_dir
 from .parameter_file import CONFIG, ELSEWHERE, SKINS, ParameterFile
-from .plan import Argument, NodeAction, Plan, nodes_of
+from .plan import Argument, NodeAction, Plan, with_skins
 
 RECORD = Argument("record", "", "MCAP file to record all topics to, or folder/ for such files")
 LIVE = Argument("foxglove", "false", "serve all topics to the Foxglove app")
@@ -69,10 +69,10 @@ def read_plan(path, arguments: dict[str, str]) -> Plan:
     plan.arguments |= {a.name: a for a in (RECORD, LIVE)}
     files = plan.files()  # an observer hears all nodes, and is given the files that they have
     if _is_true(live, f"{path}: {LIVE.name}"):
-        plan.nodes.append(NodeAction(FOXGLOVE, FOXGLOVE, "", [*files], [], Path(path)))
+        plan.programs.append(NodeAction(FOXGLOVE, FOXGLOVE, "", [*files], [], Path(path)))
     if record:
         to = Parameter("path", record)
-        plan.nodes.append(NodeAction(RECORDER, RECORDER, "", [*files, to], [], Path(path)))
+        plan.programs.append(NodeAction(RECORDER, RECORDER, "", [*files, to], [], Path(path)))
     return plan
 
 
@@ -175,7 +175,7 @@ class _Reader:
                 self._named(item, key, f"{where}: remap", _TOPIC) for key in ("from", "to")
             )
             action.remappings.append((source, to))
-        self.plan.nodes += nodes_of(action)
+        self.plan.programs += [action] if action.kind == COMPOSED else with_skins(action)
         for file in self._parameter_files.values() if action.kind == BODY else ():
             if far := min(file.elsewhere, default=""):
                 raise LaunchError(

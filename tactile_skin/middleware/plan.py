@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -98,23 +99,32 @@ class NodeAction:
 
 @dataclass
 class Plan:
-    """What a launch file, with its arguments filled in, asks for."""
+    """What a launch file, with its arguments filled in, asks for.
 
-    nodes: list[NodeAction] = field(default_factory=list)
+    Attributes:
+        programs: nodes, and what stands for several: `skin`.
+    """
+
+    programs: list[NodeAction] = field(default_factory=list)
     commands: list[list[str]] = field(default_factory=list)
     # commands that run one of a body each: when it ends, the others go on
     skins: list[list[str]] = field(default_factory=list)
     arguments: dict[str, Argument] = field(default_factory=dict)
 
+    @cached_property
+    def nodes(self) -> list[NodeAction]:
+        """The nodes; to know those of `skin` takes the import of SciPy, half of a skin's start."""
+        return [node for program in self.programs for node in _nodes_of(program)]
+
     def files(self) -> list[ParameterFile]:
         """Return each parameter file that a node is given, once."""
-        return list(dict.fromkeys(file for action in self.nodes for file in action.files()))
+        return list(dict.fromkeys(file for action in self.programs for file in action.files()))
 
 
-def nodes_of(action: NodeAction) -> list[NodeAction]:
-    """Return the nodes that a program starts: those of `skin`, a body with its skins', or one."""
-    parts = parts_of(action) if action.kind == COMPOSED else [action]
-    return [node for part in parts for node in with_skins(part)]
+def _nodes_of(program: NodeAction) -> list[NodeAction]:
+    if program.kind != COMPOSED:
+        return [program]
+    return [node for part in parts_of(program) for node in with_skins(part)]
 
 
 def parts_of(program: NodeAction) -> list[NodeAction]:
@@ -164,7 +174,7 @@ def with_skins(action: NodeAction) -> list[NodeAction]:
     if action.namespace.strip("/") in skins:
         return [action]
     spaces = {name: f"{above}{name}" for name in skins}
-    nodes = _nodes_of(action, files, spaces) if action.kind == BODY else []
+    nodes = _of_body(action, files, spaces) if action.kind == BODY else []
     given = [*action.parameters]
     if spaces:
         action.give({"skins": list(spaces)})
@@ -178,7 +188,7 @@ def with_skins(action: NodeAction) -> list[NodeAction]:
     return [*nodes, action]
 
 
-def _nodes_of(body: NodeAction, files: list[ParameterFile], spaces: dict) -> list[NodeAction]:
+def _of_body(body: NodeAction, files: list[ParameterFile], spaces: dict) -> list[NodeAction]:
     """Return the nodes of a body's skins, name -> namespace; a value is for those that have it."""
     if not spaces:
         raise LaunchError(f"{body.file}: {BODY}: needs config:=FILE, with the skins of the body")
