@@ -250,6 +250,23 @@ def test_a_skin_that_is_never_left_alone_is_neither_upside_down_nor_damaged():
     assert "0 touches were seen" in notes(found, frames, CUSHION)[0]
 
 
+def test_feet_that_stand_in_turn_leave_no_rest():
+    """Each foot loads columns from end to end, as a bad line would, and most cells are loaded."""
+    rng, circuit = np.random.default_rng(3), Circuit(8, 12, readout="loaded", driven="columns")
+    rest = np.exp(0.05 * rng.standard_normal((8, 12))) / 15e3  # S
+    cols = np.arange(12) - [[5.5], [9.5]]
+    feet = (
+        np.exp(-0.5 * np.square(cols / 2.0))[:, None]
+        * np.exp(0.3 * rng.standard_normal(8))[:, None]
+    )
+    feet /= 1e3
+    sway = 1.0 + 0.2 * np.sin(np.arange(400) / 7.0)
+    frames = forward(circuit, 1.0 / (rest + [s * feet[k // 25 % 2] for k, s in enumerate(sway)]))
+    frames += 5e-4 * rng.standard_normal(frames.shape)
+    (finding,) = diagnose(frames, circuit, series=False)
+    assert finding.kind == "too little seen" and "in other frames" in finding.evidence
+
+
 @pytest.mark.ci
 def test_readings_that_other_touches_lower_lack_no_bit():
     """A grounded board that is taken for a floating one: 0.06 % of its readings exceed 512."""

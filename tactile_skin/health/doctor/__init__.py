@@ -32,8 +32,8 @@ from .converter import other_adc, unknown_diode
 from .recorded import FEW_TOUCHES, Recorded, record
 from .series import in_series, touches_of
 
-# Where no circuit decides, readings are upside down if so much of all change is a fall, and no more
-# the other way round than is left: on sound boards hardly any change is one.
+# Where no circuit decides, readings are upside down if so much of all change is a fall, and hardly
+# any the other way round.
 _FALLS = 0.8
 _FEW = 4  # hardest touches that decide without `series`, and on the polarity: they take the time
 
@@ -78,7 +78,7 @@ def diagnose(
         return upside_down or _network(circuit, fitting) or [finding]
     found = _diagnose(seen, series)
     sound = not found and len(seen.touches)
-    if sound and (seen.fell < 1.0 - _FALLS or _fits(circuit, seen)):
+    if sound and (seen.fell < usable.HARDLY_FALLS or _fits(circuit, seen)):
         return found
     return _upside_down(seen, record(1.0 - frames, circuit, None), inverted) or found
 
@@ -96,7 +96,7 @@ def _upside_down(seen: Recorded, turned: Recorded, inverted: bool) -> list[Findi
     of_other = [f for f in found[:1] if f.kind is Kind.READOUT and f.change]
     if not of_other and (found or not _fits(circuit, turned)):
         falls = seen.fell > _FALLS or not len(seen.touches)
-        if not (falls and turned.fell < 1.0 - _FALLS and len(turned.touches) >= FEW_TOUCHES):
+        if not (falls and turned.fell < usable.HARDLY_FALLS and len(turned.touches) >= FEW_TOUCHES):
             return []
     change = Change(circuit, turned=True)
     obeyed = replace(change, circuit=of_other[0].change.circuit) if of_other else change
