@@ -264,7 +264,7 @@ def test_feet_that_stand_in_turn_leave_no_rest():
     frames = forward(circuit, 1.0 / (rest + [s * feet[k // 25 % 2] for k, s in enumerate(sway)]))
     frames += 5e-4 * rng.standard_normal(frames.shape)
     (finding,) = diagnose(frames, circuit, series=False)
-    assert finding.kind == "too little seen" and "in other frames" in finding.evidence
+    assert finding.kind == "too little seen" and "never left alone" in finding.evidence
 
 
 @pytest.mark.ci

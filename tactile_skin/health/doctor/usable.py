@@ -72,18 +72,21 @@ def unrested(seen: Recorded) -> Finding | None:
     # Noise changes as much from frame to frame as in all, and so does a bad contact.
     moving = cells & (seen.noise > NOISY * seen.flicker + 1.0)
     if np.count_nonzero(moving) >= SEVERAL_CELLS:
-        numbers = {"count": np.count_nonzero(moving), "cells": np.count_nonzero(cells)}
-        return Finding(Kind.TOO_LITTLE_SEEN, "moves", numbers=numbers)
+        return _touched(moving, cells)
     alike = [(axis, k) for axis, *pair in equal_lines(seen, ()) for k in pair]
     standing = _standing(seen, seen.without(cells, alike))  # touching stripes seem loaded
     if standing.any():
         middle, numbers = at(np.argwhere(standing).mean(0)), {"count": np.count_nonzero(standing)}
         return Finding(Kind.TOO_LITTLE_SEEN, "lies", **middle, numbers=numbers)
-    lower = cells & (seen.steps.min(0) < seen.base - seen.width)
-    if seen.fell > HARDLY_FALLS and np.count_nonzero(lower) >= SEVERAL_CELLS:
-        numbers = {"count": np.count_nonzero(lower), "cells": np.count_nonzero(cells)}
-        return Finding(Kind.TOO_LITTLE_SEEN, "leaves", numbers=numbers)
+    left = cells & (seen.steps.min(0) < seen.base - seen.width)  # a load that stands at times
+    if seen.fell > HARDLY_FALLS and np.count_nonzero(left) >= SEVERAL_CELLS:
+        return _touched(left, cells)
     return None
+
+
+def _touched(touched: np.ndarray, cells: np.ndarray) -> Finding:
+    numbers = {"count": np.count_nonzero(touched), "cells": np.count_nonzero(cells)}
+    return Finding(Kind.TOO_LITTLE_SEEN, "touched", numbers=numbers)
 
 
 def _standing(seen: Recorded, cells: np.ndarray) -> np.ndarray:
