@@ -129,6 +129,7 @@ def draw(data: dict):
         axis.minorticks_off()
         axis.yaxis.set_major_formatter("{x:g}")
         axis.grid(alpha=0.25, linewidth=0.6)
+    shares.margins(y=0.1)  # room for the topmost name
     for axis in (times, error):
         axis.set_xticks(sizes, [str(s) for s in sizes], fontsize=9)
     shares.set_xticks([0.3, 1, 3, 10, 30, 100], ["0.3", "1", "3", "10", "30", "100"])

@@ -166,11 +166,13 @@ def draw(data: dict):
 
     figure, axes = plt.subplots(2, 2, figsize=(9.0, 8.2), layout="constrained")
     shown = [p["mean_g"] for key, name in list(_PANELS)[:3] for p in data[key][name]]
+    last = max(p["p99_ms"] for key, name in _PANELS for p in data[key][name])
     for axis, ((key, name), title) in zip(axes.flat, _PANELS.items(), strict=True):
         points = sorted(data[key][name], key=lambda p: (p["mean_g"], p["p99_ms"]))
         error = {p["method"]: max(p["mean_g"], _FLOOR) for p in points}
         ends = error.values() if name == "ideal" else shown
-        axis.set(xscale="log", yscale="log", xlim=(0.03, _FRAME_MS))
+        axis.set(xscale="log", yscale="log", xlim=(0.03, 1.2 * max(last, _FRAME_MS)))
+        axis.axvline(_FRAME_MS, color="black", linewidth=0.8, linestyle=(0, (2, 3)))
         axis.set_ylim(0.75 * min(ends), 1.4 * max(ends))
         figure.draw_without_rendering()  # where a value lies is known from here on
         below = -np.inf  # the last name's height [points]
@@ -185,7 +187,7 @@ def draw(data: dict):
             below = max(place * height, below + _APART)
             axis.annotate(
                 f"{p['method']}  {grams(p['mean_g'])} g",
-                (min(p["p99_ms"], _FRAME_MS), y),
+                (p["p99_ms"], y),
                 (1.03, below / height),
                 textcoords="axes fraction",
                 annotation_clip=False,
@@ -194,6 +196,7 @@ def draw(data: dict):
                 fontweight="bold" if p["method"] == _BEST else None,
                 arrowprops={"arrowstyle": "-", "color": look["color"], "lw": 0.6, "alpha": 0.6},
             )
+        axis.text(0.92 * _FRAME_MS, 1.05 * max(ends), "100 frames/s", ha="right", fontsize=8)
         axis.set_title(title, fontsize=10)
         axis.set_xlabel("time of a frame [ms]: mark p50, bar to p99")
         axis.xaxis.set_major_formatter("{x:g}")
