@@ -192,6 +192,8 @@ class Skin:
             self._log.close()
         self._settings.close()
         end_commands(self._processes, lambda: hurry if SIGNALS.acted else patience)
+        for recorder in self._of_kind(RECORDER, self._nodes):
+            recorder.finish()  # its thread would end with the process, and cut the file
         atexit.unregister(self._end)
         if SIGNALS.acted:
             gc.freeze()  # the interpreter ends 0.1 s sooner if it need not look at all of NumPy

@@ -88,6 +88,20 @@ class Recorder:
         self._closing.set()
         self._thread.join(timeout)
 
+    def finish(self, stalled: float) -> None:
+        """After `close`, wait for the files' end while the disk takes some; give up `stalled` [s].
+
+        A recording of what led to a stop is written then, and that of two minutes takes seconds.
+        """
+        before = None
+        while self._thread.is_alive() and (now := self._progress) != before:
+            before = now
+            self._thread.join(stalled)
+
+    @property
+    def _progress(self) -> tuple[int, int]:
+        return len(self._waiting), self.store.written
+
     def turn(self, closing: bool = False) -> None:
         """Write what waits; on an error end, with the reason in `trouble`."""
         if self.trouble:
@@ -182,6 +196,8 @@ class Ring:
         if self._saving:
             writer, entries = self._saving
             self._save(writer, entries, len(entries) if closing else _SLICE)
+        if closing and self._stopped is not None:  # one more, while the last was written
+            self.turn(now, closing)
 
     def _begin(self, stopped: int) -> Writer:
         path = self._path
