@@ -287,6 +287,7 @@ class Skin:
         """Call hook(force, centre) when a push begins, in a thread of its own: see events.py.
 
         force: (3,) [N], on the robot; centre: (3,) [m]; both in the base frame.
+        With several stop nodes, each has its pushes; of a body they are the body's.
 
         Raises:
             LaunchError: the launch file starts no stop_on_push.
@@ -311,7 +312,8 @@ class Skin:
     def _on_event(self, hook: Callable, kind: type, executable: str) -> None:
         from .nodes.observers.touch_events import LISTENERS
 
-        nodes, listener = self._started(executable), LISTENERS[kind]
+        bodies = self._of_kind(BODY, self._handles) if executable == "stop_on_push" else []
+        nodes, listener = bodies or self._started(executable), LISTENERS[kind]
         event_hook = EventHook(hook)
         self._hooks.append(event_hook)
 

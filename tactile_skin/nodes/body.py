@@ -38,6 +38,7 @@ from .gesture_feature import CONTACT, heard
 from .stop_on_push import (
     COUNTS_AS,
     HEARTBEAT,
+    PUSH,
     STATUS,
     STATUS_TOPIC,
     Decisions,
@@ -239,6 +240,7 @@ class Body:
         based = min(self._bases.values(), default=t)
         good_for = self.stop.until - TRANSPORT - based
         values = {
+            PUSH: str(self.stop.pushed).lower(),
             STOPPING: " ".join(self.stop.stopping(t)),
             AGES: " ".join(f"{name} {age:.3f}" for name, age in self._ages.items()),
             "good_for": f"{good_for if math.isfinite(good_for) else -1.0:g}",

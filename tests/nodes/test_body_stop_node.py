@@ -14,7 +14,9 @@ from tactile_skin.msg import (
 from tactile_skin.nodes import diagnostics, now
 from tactile_skin.nodes.body import Body
 from tactile_skin.nodes.gesture_feature import CONTACT
+from tactile_skin.nodes.observers.touch_events import PushListener
 from tactile_skin.nodes.stop_on_push import STATUS, STATUS_TOPIC, StopOnPush
+from tactile_skin.touch.events import Pushed, Released
 
 NAMES = "chest", "back"
 R_PAR_UNKNOWN = 54.0  # ohm, as of a skin that nobody has calibrated
@@ -70,6 +72,19 @@ def test_a_push_on_two_skins_counts_as_what_it_may_be(unknown, reason):
     assert skins.reason == reason
     skins.lies_on_both(0.0, 0.0)
     assert skins.reason == ""
+
+
+@pytest.mark.parametrize("newton", [16.0, 40.0])
+def test_a_push_on_two_skins_is_one_for_the_hooks(newton):
+    """It is none for the skins if each has 16 N, and one for each if each has 40 N."""
+    skins, events = TwoSkins(0.0), []
+    PushListener(skins.node("hook"), events.append)
+    skins.lies_on_both(0.0, 0.0)
+    skins.lies_on_both(newton, 5.0)
+    assert [type(event) for event in events] == [Pushed]
+    skins.lies_on_both(0.0, 0.0)
+    assert [type(event) for event in events] == [Pushed, Released]
+    assert events[1].seconds == pytest.approx(0.5 + skins.body.stop.config.hold, abs=0.05)
 
 
 def test_a_skin_whose_stop_says_no_more_than_that_it_stops_stops_the_body():
