@@ -15,7 +15,9 @@ from .touch import Touch, on_touch, xyz
 
 
 class CmdVelGate:
-    """Publishes cmd_vel with every command, and at least 50 times a second: gate.py, cmd_vel.py.
+    """Publishes cmd_vel with every command and touch, and at least 50 times a second.
+
+    See gate.py and cmd_vel.py.
 
     A push has no direction while tf does not know its frame in that of the velocities. A stamped
     command that passes keeps its stamp.
@@ -31,6 +33,8 @@ class CmdVelGate:
     def on_touch(self, touch: Touch) -> None:
         places = np.vstack([touch.centre, touch.places])
         self.gate.touch(touch.stamp, touch.total, touch.force, places)
+        if touch.total:  # another side may be touched: that need not wait for the timer
+            self._cmd_vel.publish()
 
     def on_command(self, msg: Twist | TwistStamped) -> None:
         twist, stamp, refused = twist_of(msg), None, ""
