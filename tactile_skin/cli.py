@@ -73,7 +73,7 @@ def _open_closed_streams() -> None:
     """Let nobody stand where standard streams are closed: else a port may, and be printed to."""
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
-            setattr(sys, name, open(os.devnull, mode))
+            setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_RDWR), mode))
 
 
 def main(argv: list[str] | None = None) -> int:
