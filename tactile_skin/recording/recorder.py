@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import threading
 import time
 from collections import deque
@@ -170,6 +171,9 @@ class Ring:
 
     def __init__(self, path: Path, limits: Limits, attachments: dict[str, bytes], now: int):
         self._path, self._limits, self._attachments = path, limits, attachments
+        folder = path if path.is_dir() else path.parent
+        if not os.access(folder, os.W_OK | os.X_OK):  # the first stop may come after days
+            raise FileError(f"{folder}: no file can be made in this folder")
         # No objects but text, numbers and bytes: the garbage collector passes over them, and so
         # takes no longer for minutes of messages.
         self._kept: deque[tuple[str, str, int, bytes]] = deque()

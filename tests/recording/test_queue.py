@@ -209,6 +209,13 @@ def test_a_file_that_cannot_be_made_is_said_at_once(tmp_path, clock):
 # --- what led to a stop ---
 
 
+def test_a_folder_that_takes_no_file_is_said_before_the_first_stop(tmp_path, clock, monkeypatch):
+    monkeypatch.setattr(module.os, "access", lambda *_: False)  # root may write anywhere
+    for path in (tmp_path, tmp_path / "a.mcap"):
+        with pytest.raises(FileError, match=f"{tmp_path}: no file can be made"):
+            make(path, clock, last=10.0)
+
+
 def test_what_led_to_a_stop_is_kept(tmp_path, clock):
     frames = recorded.samples(2000)
     recorder = make(tmp_path / "stops.mcap", clock, last=5.0)
