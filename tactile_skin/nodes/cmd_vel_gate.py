@@ -27,7 +27,7 @@ class CmdVelGate:
         self._node, given = node, declared(node, Parameters)
         self.gate = Gate(given)
         self._cmd_vel = CmdVel(node, given, self.gate.decide, self.gate.stop)
-        on_touch(node, self.on_touch, given.base_frame)
+        on_touch(node, self.on_touch, given.base_frame, given.frame_id)
         node.create_subscription(self._cmd_vel.kind, "cmd_vel_in", self.on_command, 1)
 
     def on_touch(self, touch: Touch) -> None:

@@ -287,6 +287,20 @@ def test_a_squeeze_from_two_sides_leaves_no_motion(monkeypatch):
 
 def test_a_hand_on_another_side_stops_it_with_the_reading_that_shows_it():
     """No command and no timer is due: it does not wait for either."""
+    assert _driven_back("base_link") == (-0.1, 0.0)
+
+
+def test_a_touch_in_another_frame_than_the_velocities_has_no_direction(caplog):
+    """Of a skin on a link, whose frame_id only some nodes were given."""
+    assert _driven_back("/base_link") == _driven_back("") == (-0.1, 0.0)
+    assert not caplog.messages
+    assert _driven_back("forearm") == (0.0, 0.0)
+    (warning,) = caplog.messages
+    assert warning.startswith("touches are in forearm, velocities in base_link")
+
+
+def _driven_back(frame: str) -> tuple[float, float]:
+    """Return how a robot that drives back does under a push on its front; and one behind, too."""
     bench, out = Bench(), []
     CmdVelGate(bench.node("cmd_vel_gate"))
     others = bench.node("others")
@@ -303,7 +317,7 @@ def test_a_hand_on_another_side_stops_it_with_the_reading_that_shows_it():
     others.create_subscription(Twist, "cmd_vel", lambda msg: out.append(msg.linear.x), 10)
 
     def touch(front: float, back: float) -> None:
-        header = bench.header()
+        header = Header(bench.header().stamp, frame)
         places = [(x, 0.0, 0.0, f) for x, f in ((0.2, front), (-0.2, back)) if f]
         contacts.publish(cloud_of(("x", "y", "z", "force"), places, header))
         wrench.publish(WrenchStamped(header, Wrench(Vector3(back - front))))
@@ -316,10 +330,10 @@ def test_a_hand_on_another_side_stops_it_with_the_reading_that_shows_it():
     bench.spin(0.02)
     command.publish(Twist(Vector3(-0.1)))
     bench.spin()
-    assert out[-1] == -0.1
+    before = out[-1]
     touch(32.0, 4.0)
     bench.spin(0.001)
-    assert out[-1] == 0.0
+    return before, out[-1]
 
 
 # --- words that come late ---
