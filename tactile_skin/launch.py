@@ -366,7 +366,8 @@ class Skin:
         """Return the nodes of a kind, of which there must be one."""
         found = self._of_kind(executable, self._handles)
         if not found:
-            raise LaunchError(f"the launch file starts no {executable}")
+            early = "not running yet: call this within `with`, which starts the nodes"
+            raise LaunchError(f"the launch file starts no {executable}" if self._log else early)
         return found
 
     def _of_kind(self, executable: str, of: list) -> list:
