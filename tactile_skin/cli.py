@@ -69,9 +69,17 @@ def make_parser(*loaded: str) -> argparse.ArgumentParser:
     return parser
 
 
+def _open_closed_streams() -> None:
+    """Let nobody stand where standard streams are closed: else a port may, and be printed to."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_RDWR), mode))
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run one command; returns the exit status: 0, 1 for a run that failed, 2 for a mistake."""
     words = sys.argv[1:] if argv is None else argv
+    _open_closed_streams()
     try:
         if "_ARGCOMPLETE" in os.environ:  # a shell asks how a word may go on
             import argcomplete

@@ -192,6 +192,8 @@ class Skin:
             self._log.close()
         self._settings.close()
         end_commands(self._processes, lambda: hurry if SIGNALS.acted else patience)
+        for recorder in self._of_kind(RECORDER, self._nodes):
+            recorder.finish()  # its thread would end with the process, and cut the file
         atexit.unregister(self._end)
         if SIGNALS.acted:
             gc.freeze()  # the interpreter ends 0.1 s sooner if it need not look at all of NumPy
@@ -285,6 +287,7 @@ class Skin:
         """Call hook(force, centre) when a push begins, in a thread of its own: see events.py.
 
         force: (3,) [N], on the robot; centre: (3,) [m]; both in the base frame.
+        With several stop nodes, each has its pushes; of a body they are the body's.
 
         Raises:
             LaunchError: the launch file starts no stop_on_push.
@@ -309,7 +312,8 @@ class Skin:
     def _on_event(self, hook: Callable, kind: type, executable: str) -> None:
         from .nodes.observers.touch_events import LISTENERS
 
-        nodes, listener = self._started(executable), LISTENERS[kind]
+        bodies = self._of_kind(BODY, self._handles) if executable == "stop_on_push" else []
+        nodes, listener = bodies or self._started(executable), LISTENERS[kind]
         event_hook = EventHook(hook)
         self._hooks.append(event_hook)
 
@@ -362,7 +366,8 @@ class Skin:
         """Return the nodes of a kind, of which there must be one."""
         found = self._of_kind(executable, self._handles)
         if not found:
-            raise LaunchError(f"the launch file starts no {executable}")
+            early = "not running yet: call this within `with`, which starts the nodes"
+            raise LaunchError(f"the launch file starts no {executable}" if self._log else early)
         return found
 
     def _of_kind(self, executable: str, of: list) -> list:

@@ -2,10 +2,12 @@
 """A user's YAML: each refusal is one line that names file, line and key.
 
 What PyYAML's `safe_load` reads, less what it accepts silently: repeated keys, and keys that are
-not text.
+not text. As in ROS, and in YAML 1.2, 1e3 and 2.5e1 are numbers: PyYAML takes them for text.
 """
 
 from __future__ import annotations
+
+import re
 
 import yaml
 
@@ -24,6 +26,11 @@ def read_yaml(path):
         OSError: it cannot be read.
     """
     return parse_yaml(read_text(path, YAML_BYTES), path)
+
+
+def write_yaml(data) -> str:
+    """Return the YAML text that `parse_yaml` reads as these dicts, lists, numbers and texts."""
+    return yaml.dump(data, Dumper=_Dumper, sort_keys=False)
 
 
 def parse_yaml(text: str, where):
@@ -63,3 +70,15 @@ class _Loader(yaml.SafeLoader):
                 raise yaml.MarkedYAMLError(problem=problem, problem_mark=key.start_mark)
             lines[key.value] = key.start_mark.line + 1
         return node
+
+
+class _Dumper(yaml.SafeDumper):
+    """Puts quotes around a text that reads as a number."""
+
+
+for _class in (_Loader, _Dumper):
+    _class.add_implicit_resolver(
+        "tag:yaml.org,2002:float",
+        re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+\Z"),
+        list("-+.0123456789"),  # first characters
+    )

@@ -261,6 +261,15 @@ def test_who_reads_only_the_first_line_gets_no_traceback():
     assert "Traceback" not in done.stderr and "BrokenPipe" not in done.stderr
 
 
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "<&- >&-"])
+def test_closed_standard_streams_are_no_mistake(closed):
+    """As of a service, or of a job that some job scheduler starts."""
+    command = [sys.executable, "-m", "tactile_skin", "launch", "duration:=0.2"]
+    shell = ["sh", "-c", f'exec "$0" "$@" {closed}', *command]
+    done = subprocess.run(shell, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0 and "Traceback" not in done.stderr
+
+
 def test_a_board_ends_at_a_signal(tmp_path):
     """And takes its link with it."""
     link = tmp_path / "skin"

@@ -22,7 +22,7 @@ from tactile_skin.learning import network
 from tactile_skin.learning.dataset import TrainingConfig
 from tactile_skin.middleware.parameter_file import ParameterFile
 from tactile_skin.touch.geometry import read_table
-from tactile_skin.yaml_files import parse_yaml, read_yaml
+from tactile_skin.yaml_files import parse_yaml, read_yaml, write_yaml
 
 HANG = 5  # s after which a file counts as one that hangs; most are refused within 0.05 s
 CONFIG = (share_dir() / "config" / "skin.yaml").read_text()
@@ -313,6 +313,18 @@ def test_good_files_are_taken(tmp_path):
     (tmp_path / "skin.yaml").write_bytes(b"\xef\xbb\xbf" + CONFIG.replace("\n", "\r\n").encode())
     shipped = ParameterFile(share_dir() / "config" / "skin.yaml")
     assert ParameterFile(tmp_path / "skin.yaml").sections == shipped.sections
+
+
+@pytest.mark.parametrize("text", ["1e3", "2.5e1", "-1.E-5", ".5e3", "+1E+2"])
+def test_a_number_with_an_exponent_is_one_as_in_ros(text):
+    assert parse_yaml(f"r_ref: {text}", "here") == {"r_ref": float(text)}
+
+
+def test_what_is_written_is_read_as_what_it_was():
+    """A serial number that reads as a number among it."""
+    data = {"serial_number": "7523e10", "port": "1.5E3", "x": [1e-5, 1e16, -1e300], "e": "e5"}
+    assert parse_yaml(write_yaml(data), "here") == data
+    assert parse_yaml("1e-05", "here") == 1e-5  # as JSON has it: processes are given it
 
 
 # --- curve files --------------------------------------------------------------------------------

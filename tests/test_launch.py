@@ -680,6 +680,12 @@ def test_what_needs_a_node_that_is_not_there_is_refused(write, name):
         getattr(skin, name)(*([] if name == "reset_stop" else [print]))
 
 
+def test_a_hook_before_the_skin_runs_is_refused_with_the_place_for_it(write):
+    skin = launch(write(NODE % ""))
+    with pytest.raises(LaunchError, match="not running yet: call this within `with`"):
+        skin.on_stop(print)
+
+
 # --- which file ---
 
 

@@ -30,14 +30,15 @@ MAY = {
     "simulation": "physics board",
     "middleware": "fields files yaml_files msg physics touch parameters board",
     "recording": "extras files yaml_files msg physics middleware readings",
-    "view": "msg physics solvers touch calibration health middleware recording board guide",
+    "view": "msg yaml_files physics solvers touch calibration health middleware recording board "
+    "guide",
     "nodes": "fields msg physics touch behaviours body learning solvers findings calibration "
     "health board parameters middleware recording view",
     "launch": "files msg touch behaviours parameters middleware recording nodes",
     "ros": "files yaml_files msg parameters middleware nodes launch",
     "replay": "extras msg parameters middleware physics recording nodes launch",
     "bench": None,  # everything but the command line
-    "guide": "physics solvers readings findings calibration health board middleware",
+    "guide": "yaml_files physics solvers readings findings calibration health board middleware",
     "arguments": "",
     "extras": "",
     "commands": None,  # so do these

@@ -82,6 +82,12 @@ class BodyStop:
             self._latched = ""
         return self.decide(t).reason
 
+    @property
+    def pushed(self) -> bool:
+        """Whether a push is on, on one skin or on several, whatever else stops the body."""
+        ours = bool(self._push)
+        return ours or any(Cause.PUSH in message.causes for _, message in self._messages.values())
+
     def _pushed(self, t: float) -> bool:
         """Whether a push on several skins is on: only their readings end it, however late."""
         self._held_until = min(self._held_until, t + self.config.hold)  # the clock was set back

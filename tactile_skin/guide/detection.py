@@ -7,8 +7,6 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any
 
-import yaml
-
 from ..board.recognise.lines import sides
 from ..board.recognise.listen import Heard
 from ..board.recognise.seen import Seen, shown
@@ -17,6 +15,7 @@ from ..calibration.tracker import PIN
 from ..health.doctor.advice import WIDTHS
 from ..middleware.config import skin_of
 from ..physics.readouts import DRIVEN, READOUTS
+from ..yaml_files import write_yaml
 
 SECONDS = 4.0  # s to listen at each rate: an Arduino that is opened is in its boot loader for 2
 _SAMPLE = 200  # characters of what arrives
@@ -182,5 +181,5 @@ def _text(found: Heard, answers: dict, circuit: dict, board: tuple) -> str:
         f"# written by tactile-skin detect: {seen.about} ({how})\n"
         f"# what arrived: {shown(seen.sample or found.data, seen.text)}\n"
         "# geometry (where the skin is on the robot) is not stated: pushes have no direction\n"
-        + yaml.safe_dump(sections, sort_keys=False)
+        + write_yaml(sections)
     )

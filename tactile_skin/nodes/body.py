@@ -38,6 +38,7 @@ from .gesture_feature import CONTACT, heard
 from .stop_on_push import (
     COUNTS_AS,
     HEARTBEAT,
+    PUSH,
     STATUS,
     STATUS_TOPIC,
     Decisions,
@@ -101,6 +102,7 @@ class Body:
         self._fresh: set[str] = set()  # skins that have come since the last message
         self._bases: dict[str, float] = {}  # skin -> stamp of what its stop is based on
         self._ages: dict[str, float] = {}  # skin -> how old that was when it was heard [s]
+        self._pushed = False  # whether a push is on in the wrench that was published last
         self._decisions = Decisions(node)
         self._contacts = node.create_publisher(PointCloud2, "skin/contacts", 10)
         self._wrench = node.create_publisher(WrenchStamped, "skin/wrench", 10)
@@ -200,6 +202,7 @@ class Body:
             length = float(np.linalg.norm(force))
             direction = force / length if length > 1e-6 * total else np.zeros(3)
             self._direction.publish(Vector3Stamped(header, Vector3(*direction.tolist())))
+        self._pushed = self.stop.pushed
 
     def _live(self, stamp: float) -> set[str]:
         """Return the skins whose contacts are of now: what a silent one last felt is over."""
@@ -239,6 +242,7 @@ class Body:
         based = min(self._bases.values(), default=t)
         good_for = self.stop.until - TRANSPORT - based
         values = {
+            PUSH: str(self._pushed).lower(),
             STOPPING: " ".join(self.stop.stopping(t)),
             AGES: " ".join(f"{name} {age:.3f}" for name, age in self._ages.items()),
             "good_for": f"{good_for if math.isfinite(good_for) else -1.0:g}",

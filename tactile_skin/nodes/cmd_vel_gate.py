@@ -15,7 +15,9 @@ from .touch import Touch, on_touch, xyz
 
 
 class CmdVelGate:
-    """Publishes cmd_vel with every command, and at least 50 times a second: gate.py, cmd_vel.py.
+    """Publishes cmd_vel with every command and touch, and at least 50 times a second.
+
+    See gate.py and cmd_vel.py.
 
     A push has no direction while tf does not know its frame in that of the velocities. A stamped
     command that passes keeps its stamp.
@@ -25,12 +27,14 @@ class CmdVelGate:
         self._node, given = node, declared(node, Parameters)
         self.gate = Gate(given)
         self._cmd_vel = CmdVel(node, given, self.gate.decide, self.gate.stop)
-        on_touch(node, self.on_touch, given.base_frame)
+        on_touch(node, self.on_touch, given.base_frame, given.frame_id)
         node.create_subscription(self._cmd_vel.kind, "cmd_vel_in", self.on_command, 1)
 
     def on_touch(self, touch: Touch) -> None:
         places = np.vstack([touch.centre, touch.places])
         self.gate.touch(touch.stamp, touch.total, touch.force, places)
+        if touch.total:  # another side may be touched: that need not wait for the timer
+            self._cmd_vel.publish()
 
     def on_command(self, msg: Twist | TwistStamped) -> None:
         twist, stamp, refused = twist_of(msg), None, ""

@@ -23,7 +23,7 @@ class PushToMove:
         given = declared(node, Parameters)
         self.admittance = Admittance(given)
         self._cmd_vel = CmdVel(node, given, self.admittance.step, self.admittance.stop)
-        on_touch(node, self.on_touch, given.base_frame)
+        on_touch(node, self.on_touch, given.base_frame, given.frame_id)
 
     def on_touch(self, touch: Touch) -> None:
         self.admittance.touch(touch.stamp, touch.total, touch.force, touch.torque)

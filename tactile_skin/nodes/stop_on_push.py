@@ -43,6 +43,7 @@ STATUS_TOPIC = "skin/stop_status"
 # deep enough for a stop that lasts one decision not to be pushed out by the next
 STATUS = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 COUNTS_AS = "counts_as"  # key of a value: the force that the stop compares [N]
+PUSH = "push"  # key of a value: whether a push is on, whatever else stops the robot
 CAUSES = "causes"  # key of a value: what stops the robot, separated by spaces
 HEARTBEAT = 0.02  # s, between decisions when no reading comes
 _END = 0.95  # of the curve's last force, which noise keeps a cell from reading quite
@@ -272,7 +273,7 @@ class StopOnPush:
             COUNTS_AS: f"{self._most:.2f}",
             "threshold": f"{self.policy.config.threshold:g}",
             "peak": f"{self.policy.config.peak:g}",
-            "push": str(self.policy.pushed).lower(),
+            PUSH: str(self.policy.pushed).lower(),
             diagnostics.SIMULATED: str(self._simulated).lower(),
             "good_for": f"{self.policy.stale_after:g}",
             "interval": "unknown" if interval is None else f"{interval:.4f}",

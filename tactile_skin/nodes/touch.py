@@ -35,18 +35,21 @@ class Touch(NamedTuple):
         )
 
 
-def on_touch(node, callback: Callable[[Touch], None], base: str = "") -> None:
+def on_touch(node, callback: Callable[[Touch], None], base: str = "", usual: str = "") -> None:
     """skin/contacts, skin/wrench, skin/centre -> callback(touch), once a reading.
 
     Parts of one reading have one stamp; they may come in any order, on real ROS.
 
     Args:
         base: frame of the touch, by tf, and no touch while tf knows none; empty: the messages' own.
+        usual: without a base, frame that the messages must be in; empty: any.
     """
     known = frames.hear(node) if base else None
+    warned = False
     parts: dict[str, tuple] = {}  # name -> stamp [ns], value
 
     def take(name: str, msg, value) -> None:
+        nonlocal warned
         stamp = Time.from_msg(msg.header.stamp).nanoseconds
         parts[name] = stamp, value
         if len(parts) == 3 and all(other == stamp for other, _ in parts.values()):
@@ -60,6 +63,13 @@ def on_touch(node, callback: Callable[[Touch], None], base: str = "") -> None:
                     touch = touch.seen_from(known.lookup(base, frame, touch.stamp))
                 except LookupError:
                     return
+            elif known is None and usual and frame.lstrip("/") not in ("", usual.lstrip("/")):
+                if not warned:
+                    text = "touches are in %s, velocities in %s: pushes have no direction: %s"
+                    advice = "set base_frame, or one frame_id for all nodes"
+                    node.get_logger().warning(text, frame, usual, advice)
+                warned = True
+                return
             callback(touch)
 
     def on_contacts(msg: PointCloud2) -> None:

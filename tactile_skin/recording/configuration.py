@@ -5,10 +5,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import yaml
-
 from ..files import read_bytes
-from ..yaml_files import parse_yaml
+from ..yaml_files import parse_yaml, write_yaml
 
 PARAMETERS = "parameters.yaml"  # attachment, a ROS 2 parameter file; files have their own names
 _FILES = "weights", "geometry.table"  # parameters that name a file
@@ -18,7 +16,7 @@ _LARGEST = 16 << 20  # bytes of such a file
 def attachments(parameters: dict[str, dict]) -> dict[str, bytes]:
     """Name -> bytes, of node's full name -> {parameter: value}."""
     sections = {node: {"ros__parameters": values} for node, values in parameters.items()}
-    found = {PARAMETERS: yaml.safe_dump(sections, sort_keys=False).encode()}
+    found = {PARAMETERS: write_yaml(sections).encode()}
     for values in parameters.values():
         for path in filter(None, map(values.get, _FILES)):
             found[path] = read_bytes(path, _LARGEST)

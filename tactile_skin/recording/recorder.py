@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import threading
 import time
 from collections import deque
@@ -88,6 +89,20 @@ class Recorder:
         self._closing.set()
         self._thread.join(timeout)
 
+    def finish(self, stalled: float) -> None:
+        """After `close`, wait for the files' end while the disk takes some; give up `stalled` [s].
+
+        A recording of what led to a stop is written then, and that of two minutes takes seconds.
+        """
+        before = None
+        while self._thread.is_alive() and (now := self._progress) != before:
+            before = now
+            self._thread.join(stalled)
+
+    @property
+    def _progress(self) -> tuple[int, int]:
+        return len(self._waiting), self.store.written
+
     def turn(self, closing: bool = False) -> None:
         """Write what waits; on an error end, with the reason in `trouble`."""
         if self.trouble:
@@ -156,6 +171,9 @@ class Ring:
 
     def __init__(self, path: Path, limits: Limits, attachments: dict[str, bytes], now: int):
         self._path, self._limits, self._attachments = path, limits, attachments
+        folder = path if path.is_dir() else path.parent
+        if not os.access(folder, os.W_OK | os.X_OK):  # the first stop may come after days
+            raise FileError(f"{folder}: no file can be made in this folder")
         # No objects but text, numbers and bytes: the garbage collector passes over them, and so
         # takes no longer for minutes of messages.
         self._kept: deque[tuple[str, str, int, bytes]] = deque()
@@ -182,6 +200,8 @@ class Ring:
         if self._saving:
             writer, entries = self._saving
             self._save(writer, entries, len(entries) if closing else _SLICE)
+        if closing and self._stopped is not None:  # one more, while the last was written
+            self.turn(now, closing)
 
     def _begin(self, stopped: int) -> Writer:
         path = self._path

@@ -23,6 +23,8 @@ UNKNOWN = "unknown"  # a cover whose shape nobody has stated
 SHAPES = ("plane", "cylinder", "sphere", "table", UNKNOWN)
 PITCH = 0.018  # m: the paper's stripes are 12 mm wide with gaps of 6 mm
 CELL_AREA = 0.012**2  # m^2
+_FAR = 100.0  # m, as in the parameters' ranges; beyond lie places in millimetres
+_TURN = 6.3  # rad, a turn; beyond lie angles in degrees
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,9 +86,14 @@ def make_geometry(
     for name, value in (("pitch", pitch), ("cell_area", cell_area), ("radius", radius)):
         if not (value > 0 and math.isfinite(value)):
             raise ValueError(f"geometry: {name} = {value!r}: must be finite and above 0")
-    for name, vector in (("translation", translation), ("rpy", rpy)):
+    for name, vector, most, unit in (
+        ("translation", translation, _FAR, "m"),
+        ("rpy", rpy, _TURN, "rad"),
+    ):
         if len(vector) != 3 or not np.isfinite(vector).all():
             raise ValueError(f"geometry: {name} = {vector!r}: must be three finite numbers")
+        if np.abs(vector).max() > most:
+            raise ValueError(f"geometry: {name} = {vector!r}: must be at most {most:g} {unit} each")
     if table and shape != "table":
         raise ValueError(f"geometry: table = {str(table)!r}: is read only with shape: table")
     area = np.full((rows, cols), cell_area)
@@ -161,7 +168,6 @@ _SURFACES = {"plane": _plane, "cylinder": _cylinder, "sphere": _sphere, UNKNOWN:
 
 _NEEDED = ("row", "col", "x", "y", "z", "nx", "ny", "nz")
 _TABLE_BYTES = 1024 * 1024  # the 4,096 cells of the largest skin at 256 characters each
-_FAR = 100.0  # m, as in the parameters' ranges; beyond lie tables in millimetres
 _WIDE = 1.0  # m^2, the same
 
 

@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from ..board.recognise.listen import BAUDS, listen
 from ..board.serial_port import candidates, open_port
@@ -29,6 +28,7 @@ from ..guide.notes import notes
 from ..guide.sent import GLANCE, check_sent
 from ..health.doctor import diagnose
 from ..middleware.config import SkinConfig
+from ..yaml_files import write_yaml
 from .borrowed import Borrowed
 from .pictures import Pictures
 from .snapshot import Snapshot
@@ -229,7 +229,7 @@ class Work:
 
     def _calibrate_skin(self) -> None:
         section = {"/**": {"ros__parameters": self._given}}
-        self._calibrate(self._skin, yaml.safe_dump(section, sort_keys=False))
+        self._calibrate(self._skin, write_yaml(section))
 
     def _calibrate(self, skin: SkinConfig, text: str) -> None:
         """Lead through the steps; what was learnt is entered in the text of a parameter file."""

@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 import pytest
+from support.bench import Bench
 from support.marks import ci, slow
 from test_nodes import FRAME, GEOMETRY, Chain
 
@@ -22,16 +23,22 @@ from tactile_skin.msg import (
     DiagnosticStatus,
     Header,
     KeyValue,
+    Point,
+    PointCloud2,
+    PointStamped,
     Trigger,
     Twist,
     Vector3,
+    Wrench,
+    WrenchStamped,
+    cloud_of,
 )
 from tactile_skin.nodes.cmd_vel_gate import CmdVelGate
 from tactile_skin.nodes.frames import publish_static
 from tactile_skin.nodes.observers.monitor import Monitor
 from tactile_skin.nodes.observers.touch_events import PushListener, StrokeListener
 from tactile_skin.nodes.push_to_move import PushToMove
-from tactile_skin.nodes.stop_on_push import STATUS_TOPIC
+from tactile_skin.nodes.stop_on_push import CAUSES, STATUS_TOPIC
 from tactile_skin.simulation import scenes, simulator
 from tactile_skin.touch.events import Pushed, Released
 from tactile_skin.touch.frames import Pose
@@ -276,6 +283,57 @@ def test_a_squeeze_from_two_sides_leaves_no_motion(monkeypatch):
         robot.wish = (math.cos(course), math.sin(course), 0.0)
         assert not robot.live(0.05).any()
     assert robot.why() == "motion withheld: push: it comes from several sides"
+
+
+def test_a_hand_on_another_side_stops_it_with_the_reading_that_shows_it():
+    """No command and no timer is due: it does not wait for either."""
+    assert _driven_back("base_link") == (-0.1, 0.0)
+
+
+def test_a_touch_in_another_frame_than_the_velocities_has_no_direction(caplog):
+    """Of a skin on a link, whose frame_id only some nodes were given."""
+    assert _driven_back("/base_link") == _driven_back("") == (-0.1, 0.0)
+    assert not caplog.messages
+    assert _driven_back("forearm") == (0.0, 0.0)
+    (warning,) = caplog.messages
+    assert warning.startswith("touches are in forearm, velocities in base_link")
+
+
+def _driven_back(frame: str) -> tuple[float, float]:
+    """Return how a robot that drives back does under a push on its front; and one behind, too."""
+    bench, out = Bench(), []
+    CmdVelGate(bench.node("cmd_vel_gate"))
+    others = bench.node("others")
+    status, contacts, wrench, centre, command = (
+        others.create_publisher(kind, topic, 10)
+        for kind, topic in (
+            (DiagnosticArray, STATUS_TOPIC),
+            (PointCloud2, "skin/contacts"),
+            (WrenchStamped, "skin/wrench"),
+            (PointStamped, "skin/centre"),
+            (Twist, "cmd_vel_in"),
+        )
+    )
+    others.create_subscription(Twist, "cmd_vel", lambda msg: out.append(msg.linear.x), 10)
+
+    def touch(front: float, back: float) -> None:
+        header = Header(bench.header().stamp, frame)
+        places = [(x, 0.0, 0.0, f) for x, f in ((0.2, front), (-0.2, back)) if f]
+        contacts.publish(cloud_of(("x", "y", "z", "force"), places, header))
+        wrench.publish(WrenchStamped(header, Wrench(Vector3(back - front))))
+        centre.publish(PointStamped(header, Point()))
+
+    pushed = [KeyValue(CAUSES, "push")]
+    stop = DiagnosticStatus(DiagnosticStatus.ERROR, "stop_on_push", "push", "", pushed)
+    status.publish(DiagnosticArray(bench.header(), [stop]))
+    touch(32.0, 0.0)
+    bench.spin(0.02)
+    command.publish(Twist(Vector3(-0.1)))
+    bench.spin()
+    before = out[-1]
+    touch(32.0, 4.0)
+    bench.spin(0.001)
+    return before, out[-1]
 
 
 # --- words that come late ---

@@ -122,8 +122,12 @@ def test_a_push_on_one_stops_with_its_name_and_has_its_direction(body):
             pushes.append(msg.wrench.force.x)
 
     skin.node.create_subscription(WrenchStamped, "skin/wrench", on_wrench, 10)
+    hooked: list[float] = []
+    skin.on_push(lambda force, centre: hooked.append(force[0]))
     heard.hear(PointCloud2, "skin/contacts")
     heard.until(lambda: heard.said(f"{pushed}: push"), "push")
+    heard.until(lambda: hooked, "the hook of pushes")
+    assert hooked[0] > 0.0
     assert not heard.said(f"{other}: push")
     heard.until(lambda: pushes, "wrench")
     assert pushes[0] > 0.0  # onto the back

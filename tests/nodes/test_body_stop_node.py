@@ -9,12 +9,17 @@ from tactile_skin.msg import (
     DiagnosticStatus,
     KeyValue,
     PointCloud2,
+    Vector3,
+    Wrench,
+    WrenchStamped,
     cloud_of,
 )
 from tactile_skin.nodes import diagnostics, now
 from tactile_skin.nodes.body import Body
 from tactile_skin.nodes.gesture_feature import CONTACT
+from tactile_skin.nodes.observers.touch_events import PushListener
 from tactile_skin.nodes.stop_on_push import STATUS, STATUS_TOPIC, StopOnPush
+from tactile_skin.touch.events import Pushed, Released
 
 NAMES = "chest", "back"
 R_PAR_UNKNOWN = 54.0  # ohm, as of a skin that nobody has calibrated
@@ -36,6 +41,9 @@ class TwoSkins(Bench):
         self._contacts = [
             others.create_publisher(PointCloud2, f"/{name}/skin/contacts", 10) for name in NAMES
         ]
+        self._wrenches = [
+            others.create_publisher(WrenchStamped, f"/{name}/skin/wrench", 10) for name in NAMES
+        ]
         value = KeyValue(diagnostics.UNKNOWN_SERIES, str(unknown))
         status = DiagnosticStatus(diagnostics.OK, "compensation", "ok", "", [value])
         for name in NAMES:
@@ -53,8 +61,10 @@ class TwoSkins(Bench):
         for _ in range(50):
             touch = (0.0, 0.0, 0.0, newton, 1e-3, peak, 1.0, 0.0, 0.0, 0.0, 1.0)
             touches = [touch] if newton else []
-            for contacts in self._contacts:
+            for contacts, wrench in zip(self._contacts, self._wrenches, strict=True):
                 contacts.publish(cloud_of(CONTACT, touches, self.header()))
+                force = Vector3(-newton, 0.0, 0.0)
+                wrench.publish(WrenchStamped(self.header(), Wrench(force)))
             self.spin(0.01)
 
 
@@ -70,6 +80,20 @@ def test_a_push_on_two_skins_counts_as_what_it_may_be(unknown, reason):
     assert skins.reason == reason
     skins.lies_on_both(0.0, 0.0)
     assert skins.reason == ""
+
+
+@pytest.mark.parametrize("newton", [16.0, 40.0])
+def test_a_push_on_two_skins_is_one_for_the_hooks(newton):
+    """It is none for the skins if each has 16 N, and one for each if each has 40 N."""
+    skins, events = TwoSkins(0.0), []
+    PushListener(skins.node("hook"), events.append)
+    skins.lies_on_both(0.0, 0.0)
+    skins.lies_on_both(newton, 5.0)
+    assert [type(event) for event in events] == [Pushed]
+    assert events[0].force == pytest.approx([-2.0 * newton, 0.0, 0.0])
+    skins.lies_on_both(0.0, 0.0)
+    assert [type(event) for event in events] == [Pushed, Released]
+    assert events[1].seconds == pytest.approx(0.5 + skins.body.stop.config.hold, abs=0.05)
 
 
 def test_a_skin_whose_stop_says_no_more_than_that_it_stops_stops_the_body():

@@ -19,7 +19,7 @@ from tactile_skin import PressureCurve
 from tactile_skin.errors import FileError
 from tactile_skin.launch import launch
 from tactile_skin.msg import DiagnosticArray, DiagnosticStatus, Image
-from tactile_skin.recording import Recording
+from tactile_skin.recording import Recording, writer
 from tactile_skin.replay.replay import Replay
 from tactile_skin.simulation import scenes, simulator
 
@@ -127,6 +127,19 @@ def test_a_full_disk_ends_the_recording_and_never_the_skin(tmp_path, config):
     found = Recording(path)
     assert found.damage
     assert len(found.adc) > 10
+
+
+def test_a_slow_disk_has_the_file_when_the_skin_has_ended(tmp_path, config, monkeypatch):
+    """At the end of the process, which comes next, its thread would be cut."""
+    path, close = tmp_path / "a.mcap", writer.Writer.close
+
+    def slowly(self):
+        time.sleep(0.2)  # longer than the other nodes are kept waiting
+        close(self)
+
+    monkeypatch.setattr(writer.Writer, "close", slowly)
+    run(tmp_path, config(), path, lambda heard, _: len(heard["skin/pressure"]) >= 10)
+    assert not Recording(path).damage
 
 
 @pytest.mark.ci

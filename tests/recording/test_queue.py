@@ -4,6 +4,7 @@
 import errno
 import gc
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -166,8 +167,32 @@ def test_a_disk_that_hangs_blocks_nobody(tmp_path, clock, monkeypatch):
     assert hangs.wait(30.0)
     feed(recorder, clock, recorded.samples(50), every=1000)  # returns
     recorder.close(timeout=0.01)  # so does this
+    recorder.finish(stalled=0.01)  # and this
     over.set()
     recorder.close(30.0)
+
+
+@pytest.mark.live
+def test_what_led_to_a_stop_is_written_before_the_end_however_long_it_takes(
+    tmp_path, clock, monkeypatch
+):
+    """The process ends after `finish`, and its threads with it."""
+    recorder = make(tmp_path, clock, last=60.0)
+    feed(recorder, clock, recorded.samples(200), every=1000)
+    recorder.stop(clock.t)
+    write = writer.Writer.write
+
+    def slowly(*args):
+        time.sleep(0.002)
+        write(*args)
+
+    monkeypatch.setattr(writer.Writer, "write", slowly)
+    recorder.start()
+    recorder.close(timeout=0.01)
+    recorder.finish(stalled=5.0)
+    (path,) = tmp_path.iterdir()
+    found = Recording(path)
+    assert found.damage == "" and len(found.adc) == 200
 
 
 def test_a_file_that_cannot_be_made_is_said_at_once(tmp_path, clock):
@@ -182,6 +207,13 @@ def test_a_file_that_cannot_be_made_is_said_at_once(tmp_path, clock):
 
 
 # --- what led to a stop ---
+
+
+def test_a_folder_that_takes_no_file_is_said_before_the_first_stop(tmp_path, clock, monkeypatch):
+    monkeypatch.setattr(module.os, "access", lambda *_: False)  # root may write anywhere
+    for path in (tmp_path, tmp_path / "a.mcap"):
+        with pytest.raises(FileError, match=f"{tmp_path}: no file can be made"):
+            make(path, clock, last=10.0)
 
 
 def test_what_led_to_a_stop_is_kept(tmp_path, clock):
@@ -226,6 +258,18 @@ def test_a_stop_just_before_the_end_is_kept(tmp_path, clock):
     recorder.turn(closing=True)
     (path,) = tmp_path.iterdir()
     assert len(Recording(path).adc) == 300
+
+
+def test_a_stop_while_the_last_one_is_written_is_kept_at_the_end(tmp_path, clock, monkeypatch):
+    monkeypatch.setattr(module, "_SLICE", 10)
+    recorder = make(tmp_path, clock, last=5.0)
+    feed(recorder, clock, recorded.samples(300))
+    recorder.stop(clock.t)
+    feed(recorder, clock, recorded.samples(250))  # the first is being written
+    recorder.stop(clock.t)
+    recorder.turn(closing=True)
+    found = [Recording(path) for path in sorted(tmp_path.iterdir())]
+    assert len(found) == 2 and not any(one.damage for one in found)
 
 
 def test_without_a_stop_nothing_is_written(tmp_path, clock):

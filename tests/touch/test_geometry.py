@@ -60,6 +60,8 @@ def test_a_newton_on_a_cell_has_its_lever():
         ({"shape": "plane", "pitch": 0.0}, "pitch = 0.0"),
         ({"shape": "plane", "cell_area": float("nan")}, "cell_area = nan"),
         ({"shape": "plane", "rpy": (0.0, 1.0)}, "rpy = "),
+        ({"shape": "plane", "rpy": (0.0, 0.0, -180.0)}, "must be at most 6.3 rad each"),
+        ({"shape": "plane", "translation": (0.0, 0.0, 500.0)}, "must be at most 100 m each"),
         ({"shape": "cylinder", "radius": 0.01}, "do not fit around"),
         ({"shape": "sphere", "radius": 0.04}, "does not fit on a sphere"),
         ({"shape": "plane", "table": "cells.csv"}, "only with shape: table"),

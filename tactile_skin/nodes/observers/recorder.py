@@ -12,7 +12,8 @@ from ...recording import cdr
 from ...recording.recorder import Limits, Recorder
 from .. import diagnostics
 
-_CLOSE = 0.1  # s that the disk has at the end; what it takes longer it does in the background
+_CLOSE = 0.1  # s that the disk has at the end; what it takes longer it does in the background,
+_STALLED = 0.3  # s without a message that it took, after which the end of the process cuts it
 
 
 class RecorderNode:
@@ -103,3 +104,8 @@ class RecorderNode:
         if self._recorder is not None:
             self._recorder.close(_CLOSE)
             self._report()  # the disk may have been full for what came last
+
+    def finish(self) -> None:
+        """After `close`, wait for the file's end for as long as the disk takes some of it."""
+        if self._recorder is not None:
+            self._recorder.finish(_STALLED)

@@ -12,7 +12,7 @@ from ...touch.events import Gesture, Gestured, Pushed, PushEvents, Released, Str
 from ...touch.model import OTHER
 from ...touch.recogniser import ENDED, STATES
 from .. import QUEUE, seconds
-from ..stop_on_push import STATUS, STATUS_TOPIC
+from ..stop_on_push import PUSH, STATUS, STATUS_TOPIC
 from ..touch import Touch, on_touch, xyz
 
 
@@ -29,7 +29,7 @@ class PushListener:
 
     def on_status(self, msg: DiagnosticArray) -> None:
         values = {pair.key: pair.value for pair in msg.status[0].values}
-        self._pass_on(self._events.stop(seconds(msg.header), values.get("push") == "true"))
+        self._pass_on(self._events.stop(seconds(msg.header), values.get(PUSH) == "true"))
 
     def _pass_on(self, events) -> None:
         for event in events:
