@@ -185,15 +185,6 @@ def test_a_limit_that_is_lowered_below_what_was_read_stops_at_once(limit):
     assert policy.decide(2.0).for_push_alone
 
 
-def test_a_fault_stops_until_it_is_taken_back():
-    policy = StopPolicy(CONFIG)
-    feed(policy, 0.0, 0.1, 0.0)
-    policy.fault("compensation", "open line")
-    assert policy.decide(0.1)[:2] == (True, "fault: compensation: open line")
-    policy.fault("compensation", "")
-    assert not policy.decide(0.1).stop
-
-
 @pytest.mark.parametrize(
     ("name", "value"),
     [

@@ -116,6 +116,8 @@ def test_of_several_skins_that_of_the_namespace_is_taken(tmp_path, call):
     status, said, error = call("replay", path, "namespace:=right", "--export", out)
     assert (status, error) == (0, "") and "3 frames" in said
     np.testing.assert_array_equal(np.load(out), right / 64)
+    status, _, error = call("replay", path, "namespace:=up", "--export", out)
+    assert status == 2 and "no topic /up/skin/adc" in error
     status, _, error = call("doctor", path)
     assert status == 2 and "there are: /left/skin/adc, /right/skin/adc" in error
     _, _, error = call("doctor", path, "namespace:=right")
