@@ -5,7 +5,6 @@ import contextlib
 import errno
 import os
 import resource
-import signal
 import subprocess
 import sys
 import time
@@ -174,25 +173,3 @@ def test_a_full_disk_is_in_the_summary_and_in_the_status(tmp_path):
     summary = done.stdout[done.stdout.index("summary") :]
     assert "recorder: recording has ended: File too large" in summary
     assert "Traceback" not in done.stderr
-
-
-@pytest.mark.ci
-def test_a_killed_process_leaves_all_but_the_last_second(tmp_path):
-    """Once here; twenty times by benchmarks.running.recording."""
-    path = tmp_path / "a.mcap"
-    command = [sys.executable, "-m", "tactile_skin", "record", path, "demo.launch.yaml"]
-    process = subprocess.Popen(
-        [*map(str, command), "monitor:=false"],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
-    try:
-        wait_for(lambda: path.exists() and path.stat().st_size > 100_000)
-    finally:
-        killed = time.time_ns()
-        os.killpg(process.pid, signal.SIGKILL)
-        process.wait(PATIENCE)
-    found = Recording(path)
-    assert found.damage
-    assert killed - found.stamps[-1] < 1e9
