@@ -13,6 +13,7 @@ import yaml
 from serial.tools.list_ports_common import ListPortInfo
 from support.page import unpack
 from support.simulated import CIRCUIT, make_board, serving
+from support.told import spin_until
 
 from tactile_skin import ros
 from tactile_skin.board import serial_port
@@ -93,10 +94,7 @@ class Heard:
         self.skin.node.create_subscription(kind, topic, lambda msg: take(topic, msg), 10)
 
     def until(self, condition, what: str):
-        end = time.monotonic() + PATIENCE
-        while not condition():
-            assert time.monotonic() < end, f"{what}: {self.reasons[-3:]}"
-            self.skin.spin(0.02)
+        spin_until(self.skin, condition, lambda: f"{what}: {self.reasons[-3:]}")
 
     def free(self) -> bool:
         return bool(self.reasons) and not self.reasons[-1][0]
