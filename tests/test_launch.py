@@ -16,8 +16,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from support.patience import PATIENCE
 from support.simulated import CIRCUIT, serving
-from support.told import PATIENCE, Told
+from support.told import Told
 
 from tactile_skin import PressureCurve
 from tactile_skin.board.serial_port import _LENT_TO

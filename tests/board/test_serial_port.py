@@ -11,7 +11,8 @@ import tty
 import pytest
 import serial
 from serial.tools.list_ports_common import ListPortInfo
-from support.simulated import CIRCUIT, PATIENCE, Serving, make_board, serving
+from support.patience import PATIENCE
+from support.simulated import CIRCUIT, Serving, make_board, serving
 
 from tactile_skin import Circuit
 from tactile_skin.board import serial_port

@@ -2,7 +2,7 @@
 """A launch file starts nodes of other packages: classes of a module."""
 
 import pytest
-from support.told import spin_until
+from support.patience import spin_until
 
 from tactile_skin.errors import LaunchError
 from tactile_skin.launch import launch

@@ -4,7 +4,6 @@
 import contextlib
 import json
 import re
-import time
 from functools import partial
 
 import numpy as np
@@ -12,8 +11,8 @@ import pytest
 import yaml
 from serial.tools.list_ports_common import ListPortInfo
 from support.page import unpack
+from support.patience import PATIENCE, spin_until, until
 from support.simulated import CIRCUIT, make_board, serving
-from support.told import spin_until
 
 from tactile_skin import ros
 from tactile_skin.board import serial_port
@@ -29,7 +28,6 @@ from tactile_skin.touch.frames import Pose
 
 pytestmark = pytest.mark.live
 
-PATIENCE = 30.0  # s, for what must happen; how fast it does is not tested
 NAMES = "chest", "back"
 FOUR = *NAMES, "left_arm", "right_arm"
 GEOMETRY = {"shape": "plane", "pitch": 0.018}
@@ -225,15 +223,11 @@ def test_the_page_shows_each_skin_and_the_stop_of_the_body(body):
         assert hello[""]["skins"] == [*NAMES] and hello["back"]["skin"] == "back"
         assert (hello["back"]["rows"], hello["back"]["cols"]) == CIRCUIT.shape
         assert hello["chest"]["normal"] != hello["back"]["normal"]
-        end = time.monotonic() + PATIENCE
-        while not (
-            heads["chest"] and heads["chest"]["stop"] and "push" in heads["chest"]["reason"]
-        ):
-            assert time.monotonic() < end
-            ask()
-        while "chest: push" not in heads[""]["reason"] or heads["back"]["stop"] is not False:
-            assert time.monotonic() < end
-            ask()
+        ask()
+        chest = lambda: heads["chest"]["stop"] and "push" in heads["chest"]["reason"]  # noqa: E731
+        until(chest, "a push on the chest", ask)
+        both = lambda: "chest: push" in heads[""]["reason"] and heads["back"]["stop"] is False  # noqa: E731
+        until(both, "a push on the body, and a back that is free", ask)
         assert found["chest"]["a"].shape == found["back"]["a"].shape == CIRCUIT.shape
 
 

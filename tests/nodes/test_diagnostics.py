@@ -3,7 +3,7 @@
 
 import pytest
 from support.bench import Bench
-from support.told import spin_until
+from support.patience import spin_until
 
 from tactile_skin.launch import launch
 from tactile_skin.msg import Bool, DiagnosticArray

@@ -7,7 +7,8 @@ from collections import defaultdict
 import numpy as np
 import pytest
 from support.bench import Bench
-from support.simulated import CIRCUIT, PATIENCE, remembering, serving
+from support.patience import PATIENCE
+from support.simulated import CIRCUIT, remembering, serving
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.board.protocol import BinaryParser

@@ -7,12 +7,12 @@ import os
 import resource
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
 import yaml
-from support.simulated import CIRCUIT, PATIENCE, make_board, serving
+from support.patience import until
+from support.simulated import CIRCUIT, make_board, serving
 
 from tactile_skin import PressureCurve
 from tactile_skin.errors import FileError
@@ -42,13 +42,6 @@ def config(tmp_path):
     return write
 
 
-def wait_for(condition):
-    deadline = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
-
-
 def ended(path):
     """The recording at a path, once it is whole: a busy disk ends it after the skin."""
 
@@ -56,11 +49,11 @@ def ended(path):
         with contextlib.suppress(FileError):  # nothing of it is on the disk yet
             return not Recording(path).damage
 
-    wait_for(whole)
+    until(whole)
     return Recording(path)
 
 
-def run(tmp_path, config, record, until, board=None):
+def run(tmp_path, config, record, enough, board=None):
     """A skin on a simulated board, until a condition of (received images, skin) holds."""
     heard = {"skin/adc": [], "skin/pressure": []}
     link = tmp_path / "port"
@@ -71,7 +64,7 @@ def run(tmp_path, config, record, until, board=None):
     ):
         for topic, into in heard.items():
             skin.node.create_subscription(Image, topic, into.append, 1000)
-        wait_for(lambda: until(heard, skin))
+        until(lambda: enough(heard, skin))
     return heard
 
 

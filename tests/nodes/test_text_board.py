@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from support.patience import spin_until
 from support.simulated import TextBoard, serving
-from support.told import Told, spin_until
+from support.told import Told
 
 from tactile_skin.launch import launch, read_skin
 from tactile_skin.msg import DiagnosticArray, DiagnosticStatus, Image, image_array

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A stop hook that notes what it is told, and a wait for what happens while a skin is spun."""
+"""A stop hook that notes what it is told."""
 
 import threading
-import time
 
-PATIENCE = 30.0  # s, for what must happen
+from support.patience import PATIENCE
 
 
 class Told:
@@ -27,11 +26,3 @@ class Told:
     def _until(self, happened) -> None:
         with self._news:
             assert self._news.wait_for(happened, PATIENCE), self.calls
-
-
-def spin_until(skin, happened, seen=lambda: "") -> None:
-    """Spin the skin until it happened; `seen` gives what a failure shows."""
-    end = time.monotonic() + PATIENCE
-    while not happened():
-        assert time.monotonic() < end, seen()
-        skin.spin(0.02)
