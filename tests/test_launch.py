@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from support.patience import PATIENCE
+from support.patience import PATIENCE, Hang
 from support.simulated import CIRCUIT, serving
 from support.told import Told
 
@@ -564,13 +564,7 @@ def test_a_hook_that_raises_on_the_last_word_is_told_again(write):
 
 def test_hooks_and_nodes_that_hang_do_not_keep_the_end(write, monkeypatch):
     """Nor the last word of the others."""
-    heard, release, begun = Told(), threading.Event(), threading.Semaphore(0)
-
-    def hang(*_):
-        begun.release()
-        release.wait(PATIENCE)
-
-    context, said = Context(), []
+    heard, hang, context, said = Told(), Hang(), Context(), []
     moves = "- node: {pkg: tactile_skin, exec: cmd_vel_gate}\n"
     skin = launch(
         write("- node: {pkg: tactile_skin, exec: monitor}\n" + PATIENT_STOP + moves), context
@@ -583,13 +577,12 @@ def test_hooks_and_nodes_that_hang_do_not_keep_the_end(write, monkeypatch):
         skin.node.create_subscription(Twist, "cmd_vel", said.append, 100)
         skin.node.create_timer(0.01, hang)
         heard.wait_for_reason("no reading yet")
-        for _ in range(3):
-            assert begun.acquire(timeout=PATIENCE)
+        hang.has_begun(3)
         start = time.monotonic()
     assert time.monotonic() - start < 1.0
     assert heard.calls[-1][0] is True
     assert "the skin shuts down" in heard.calls[-1][1]
-    release.set()
+    hang.release()
 
 
 def test_a_blocked_standard_error_keeps_no_hook_from_its_next_try(write, monkeypatch):
@@ -744,17 +737,12 @@ def test_a_reset_first_ends_a_fault_that_is_kept_from_an_earlier_touch(write, la
 
 
 def test_a_compensation_that_does_not_answer_keeps_the_stop(write):
-    hangs, release = threading.Event(), threading.Event()
+    hang = Hang()
     with launch(write(WITH_COMPENSATION)) as skin:
-
-        def hang():
-            hangs.set()
-            release.wait(PATIENCE)
-
         skin._handles[1].create_timer(0.001, hang)
-        assert hangs.wait(PATIENCE)
+        hang.has_begun()
         assert skin.reset_stop(0.01) == (False, "/compensation/reset does not answer")
-        release.set()
+        hang.release()
 
 
 def test_a_reset_may_be_asked_for_in_a_callback(write):
@@ -773,7 +761,7 @@ def test_a_reset_may_be_asked_for_in_a_callback(write):
 
 def test_a_reset_that_was_given_up_does_not_happen_later(write):
     """What the hung stop node finds in its queue when it goes on must not free the robot."""
-    heard, hangs, release = Told(), threading.Event(), threading.Event()
+    heard, hang = Told(), Hang()
     with launch(write(LATCHED_STOP)) as skin:
         skin.on_stop(heard)
         robot = Robot(skin)
@@ -782,18 +770,12 @@ def test_a_reset_that_was_given_up_does_not_happen_later(write):
         heard.wait_for((True, "push + latched: push"))
         robot.force = 0.0
         heard.wait_for((True, "latched: push"))
-
-        def hang():
-            if not hangs.is_set():
-                hangs.set()
-                release.wait(PATIENCE)
-
         skin._handles[0].create_timer(0.001, hang)
-        assert hangs.wait(PATIENCE)
+        hang.has_begun()
         for _ in range(20):  # more than its queue holds
             assert skin.reset_stop(0.001) == (False, "/stop_on_push/reset does not answer")
         heard.calls.clear()
-        release.set()
+        hang.release()
         skin._executor.drain(PATIENCE)
         assert str(skin._nodes[0].policy._latched) == "push"
         assert (False, "") not in heard.calls
