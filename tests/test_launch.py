@@ -572,7 +572,6 @@ def test_hooks_and_nodes_that_hang_do_not_keep_the_end(write, monkeypatch):
     with skin:
         for hook in (hang, heard, hang):
             skin.on_stop(hook)
-        skin.on_stroke = None
         monkeypatch.setattr(skin._nodes[0], "close", hang)
         skin.node.create_subscription(Twist, "cmd_vel", said.append, 100)
         skin.node.create_timer(0.01, hang)
