@@ -54,9 +54,6 @@ def test_the_arguments_of_a_launch_file_are_shown(call):
     assert status == 0
     for name in ("board", "scene", "method", "duration", "config"):
         assert re.search(rf"^{name}:=", out, re.MULTILINE)
-
-
-def test_an_argument_that_must_be_given_is_shown_without_it(call):
     status, out, _ = call("launch", "--show-args", "body.launch.yaml")
     assert status == 0 and "config:=... (must be given)\n" in out and "duration:=\n" in out
 

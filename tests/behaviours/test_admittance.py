@@ -291,19 +291,3 @@ def test_a_clock_that_is_set_back_does_not_make_it_deaf_to_touches():
     led.policy.stop(led.t, PUSH)
     assert is_zero(led.policy.step(led.t))
     assert led.hold(1.0, (40.0, 0.0, 0.0)).linear[0] > 0.1
-
-
-@pytest.mark.parametrize(
-    ("kind", "wrong"),
-    [
-        (AdmittanceConfig, {"touch_timeout": math.inf}),
-        (AdmittanceConfig, {"stop_timeout": 0.0}),
-        (Linear, {"mass": 0.0}),
-        (Linear, {"max_speed": math.nan}),
-        (Linear, {"dead_band": -1.0}),
-    ],
-)
-def test_settings_under_which_it_would_not_follow_are_refused(kind, wrong):
-    ((name, value),) = wrong.items()
-    with pytest.raises(ValueError, match=f"{name} = {value}: must be finite, and at least"):
-        kind(**wrong)
