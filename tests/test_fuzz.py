@@ -189,6 +189,20 @@ def test_sound_frames_come_through_damaged_bytes(shape, amount):
     assert counters.corrupt > 100
 
 
+@pytest.mark.slow
+def test_a_damaged_frame_passes_as_often_as_its_checksum_must_let_it():
+    """Once in 65,536 times, not more often: of 2 million damaged beyond what the CRC always finds
+    (3 bits, or a burst of 16)."""
+    dice, n = np.random.default_rng(3), 2_000_000
+    frame, passed = bytearray(binary((2, 2), 1, dice)), 0
+    for noise in dice.integers(0, 256, (n, 8), np.uint8):
+        frame[15:23] = noise.tobytes()
+        parser = BinaryParser()
+        passed += len(parser.feed(bytes(frame)))
+    print(f"\n{passed} of {n} passed, {n * CHANCE:.1f} expected")
+    assert abs(passed - n * CHANCE) < 4.0 * math.sqrt(n * CHANCE)
+
+
 # --- text -------------------------------------------------------------------------------------
 
 WORD = re.compile(rb"(?:\d+\.?\d*|\.\d+|-|nan|NaN|NAN)?")
