@@ -334,6 +334,17 @@ PATIENT_STOP = NODE % (
 )
 
 
+@contextlib.contextmanager
+def moving(path):
+    """A skin whose robot may move, what its hook hears, and the robot."""
+    heard = Told()
+    with launch(path) as skin:
+        skin.on_stop(heard)
+        robot = Robot(skin)
+        heard.wait_for((False, ""))
+        yield skin, heard, robot
+
+
 def test_a_hook_hears_every_change_and_its_reason(write):
     heard = Told()
     with launch(write(PATIENT_STOP)) as skin:
@@ -435,12 +446,9 @@ def test_a_closed_standard_output_ends_nothing_half(write, monkeypatch):
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGINT", "SIGHUP"])
 def test_a_signal_ends_spin_with_a_stop_as_the_last_word(write, name):
     """It returns; what is in the way of signals afterwards is what was there before."""
-    heard, number = Told(), getattr(signal, name)
+    number = getattr(signal, name)
     before = signal.getsignal(number)
-    with launch(write(PATIENT_STOP)) as skin:
-        skin.on_stop(heard)
-        Robot(skin)
-        heard.wait_for((False, ""))
+    with moving(write(PATIENT_STOP)) as (skin, heard, _):
         sender = threading.Timer(0.1, signal.pthread_kill, (threading.get_ident(), number))
         sender.start()
         skin.spin(PATIENCE)
@@ -456,11 +464,8 @@ def test_a_signal_ends_spin_with_a_stop_as_the_last_word(write, name):
 
 def test_a_signal_unwinds_a_users_own_loop_once(write):
     """The second one comes in the middle of the user's own clean-up, which it leaves alone."""
-    heard, cleaned = Told(), []
-    with pytest.raises(SystemExit) as ended, launch(write(PATIENT_STOP)) as skin:
-        skin.on_stop(heard)
-        Robot(skin)
-        heard.wait_for((False, ""))
+    cleaned = []
+    with pytest.raises(SystemExit) as ended, moving(write(PATIENT_STOP)) as (_, heard, _):
         try:
             signal.raise_signal(signal.SIGTERM)
         finally:
@@ -634,13 +639,9 @@ def test_a_push_and_its_release_are_told_to_hooks(write):
         lasted.append(seconds)
         releases.set()
 
-    free = Told()
-    with launch(write(PATIENT_STOP)) as skin:
+    with moving(write(PATIENT_STOP)) as (skin, _, robot):
         skin.on_push(on_push)
         skin.on_release(on_release)
-        skin.on_stop(free)
-        robot = Robot(skin)
-        free.wait_for((False, ""))
         assert not pushes.is_set()
         robot.force = 50.0
         assert pushes.wait(PATIENCE)
@@ -692,11 +693,7 @@ LATCHED_STOP = PATIENT_STOP.replace("param: [", "param: [{name: latch, value: tr
 
 
 def test_a_latched_stop_is_reset_from_a_program(write):
-    heard = Told()
-    with launch(write(LATCHED_STOP)) as skin:
-        skin.on_stop(heard)
-        robot = Robot(skin)
-        heard.wait_for((False, ""))
+    with moving(write(LATCHED_STOP)) as (skin, heard, robot):
         robot.force = 50.0
         heard.wait_for((True, "push + latched: push"))
         assert skin.reset_stop() == (False, "still stopped: push")
@@ -714,15 +711,10 @@ WITH_COMPENSATION = LATCHED_STOP + "- node: {pkg: tactile_skin, exec: compensati
 @pytest.mark.parametrize("latched", [False, True])
 def test_a_reset_first_ends_a_fault_that_is_kept_from_an_earlier_touch(write, latched):
     """It lives in the compensation; alone the stop's reset would be refused."""
-    heard = Told()
-    with launch(
-        write(WITH_COMPENSATION.replace("latch, value: true", f"latch, value: {latched}".lower()))
-    ) as skin:
-        skin.on_stop(heard)
-        Robot(skin)
-        compensation = skin._nodes[1]
-        heard.wait_for((False, ""))
-        handle = skin._handles[1]
+    value = f"latch, value: {latched}".lower()
+    path = write(WITH_COMPENSATION.replace("latch, value: true", value))
+    with moving(path) as (skin, heard, _):
+        compensation, handle = skin._nodes[1], skin._handles[1]
         (service,) = [s for s in handle._services if s.srv_name.endswith("/reset")]
         compensation.skin.waits = False  # rest was measured
         compensation.skin._monitor._doubt.held = True  # as a doubt that is held
@@ -760,11 +752,8 @@ def test_a_reset_may_be_asked_for_in_a_callback(write):
 
 def test_a_reset_that_was_given_up_does_not_happen_later(write):
     """What the hung stop node finds in its queue when it goes on must not free the robot."""
-    heard, hang = Told(), Hang()
-    with launch(write(LATCHED_STOP)) as skin:
-        skin.on_stop(heard)
-        robot = Robot(skin)
-        heard.wait_for((False, ""))
+    hang = Hang()
+    with moving(write(LATCHED_STOP)) as (skin, heard, robot):
         robot.force = 50.0
         heard.wait_for((True, "push + latched: push"))
         robot.force = 0.0
