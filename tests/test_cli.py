@@ -54,9 +54,6 @@ def test_the_arguments_of_a_launch_file_are_shown(call):
     assert status == 0
     for name in ("board", "scene", "method", "duration", "config"):
         assert re.search(rf"^{name}:=", out, re.MULTILINE)
-
-
-def test_an_argument_that_must_be_given_is_shown_without_it(call):
     status, out, _ = call("launch", "--show-args", "body.launch.yaml")
     assert status == 0 and "config:=... (must be given)\n" in out and "duration:=\n" in out
 
@@ -101,20 +98,62 @@ def test_a_mistake_at_launch_is_one_clear_line(call, tmp_path, wrong):
         assert text in line
 
 
-PORTS = {
-    "/dev/ttyNONE0": "port /dev/ttyNONE0: does not exist",
-    "ttyNONE0": "port ttyNONE0: does not exist",
-    "carrier-pigeon://home": "carrier-pigeon",
-    "5": "parameter port",
-}
+SKIN = "launch skin.launch.yaml"
+ONE_LINE = [  # words, and what the line must hold
+    (f"{SKIN} port:=/dev/ttyNONE0", "port /dev/ttyNONE0: does not exist"),
+    (f"{SKIN} port:=ttyNONE0", "port ttyNONE0: does not exist"),
+    (f"{SKIN} port:=carrier-pigeon://home", "carrier-pigeon"),
+    (f"{SKIN} port:=5", "parameter port"),
+    ("flash", "port is missing"),
+    ("flash port:=auto", "name the port"),
+    ("flash port:=/dev/no-such-port", "does not exist"),
+    ("flash prot:=/dev/ttyUSB0", "is unknown"),
+    ("flash port:=a port:=b", "given twice"),
+    ("flash port:=/dev/null adc_mhz:=4", "adc_mhz:=4: must be 2 or 1"),
+    ("detect", "give port:=NAME, or one FILE"),
+    ("detect a.bin port:=/dev/ttyUSB0", "give port:=NAME, or one FILE"),
+    ("detect port:=/dev/ttyNONE0", "does not exist"),
+    ("detect none.bin", "none.bin"),
+    ("detect port:=loop:// seconds:=0", "must be from 0.5 to 60"),
+    ("detect port:=loop:// rows:=8", "give both, or none"),
+    ("detect port:=loop:// bauds:=9600", "did you mean 'baud'"),
+    ("calibrate --out=o.yaml touches:=a.npy", "rest:=FILE is missing"),
+    (
+        "calibrate --out=o.yaml rest:=a.npy port:=/dev/null",
+        "files are rest, touches, reference, creep, rate",
+    ),
+    ("calibrate --out=o.yaml rest:=a.npy 500g:=b.npy reference:=scale.csv", "No such file"),
+    ("calibrate --out=o.yaml rest:=none.npy", "none.npy: No such file"),
+    ("calibrate --out=o.yaml rest:=a.npy rate:=fast", "rate:=fast: must be a number"),
+    ("doctor", "FILE"),
+    ("doctor a.npy port:=/dev/null", "FILE"),
+    ("doctor a.npy baud:=9600", "live board"),
+    ("doctor a.npy size:=3", "is unknown"),
+    ("doctor a.npy rows:=x", "whole number"),
+    ("doctor a.npy inverted:=yes", "true or false"),
+    ("doctor a.npy rows=8", "name:=value"),
+    ("doctor a.txt", "No such file"),
+    ("replay none.mcap", "none.mcap: No such file"),
+    ("replay", "give a FILE, or several"),
+    ("replay a.csv b.csv", "a.csv: No such file"),
+    ("replay a.mcap b.mcap --out c.mcap", "--out and --export are of one FILE, not of 2"),
+    ("replay a.mcap method:=magic", "method 'magic': must be one of"),
+    ("replay a.mcap sped:=2", "argument 'sped' is unknown"),
+    ("replay a.mcap rate:=fast", "rate:=fast: must be a number"),
+    ("replay a.mcap --jobs 2 --out b.mcap", "--jobs = 2: must be 1 or more, and 1"),
+    ("replay a.bag", "must be one of .mcap"),
+]
 
 
-@pytest.mark.parametrize("port", PORTS)
-def test_a_port_that_does_not_exist_is_one_clear_line(call, port):
-    status, out, err = call("launch", "skin.launch.yaml", f"port:={port}")
+@pytest.mark.parametrize(("words", "said"), ONE_LINE)
+def test_a_mistake_is_one_clear_line(call, tmp_path, monkeypatch, words, said):
+    if words.startswith("replay"):
+        pytest.importorskip("mcap", reason="reads recordings")
+    monkeypatch.chdir(tmp_path)
+    status, out, err = call(*words.split())
     assert (status, out) == (2, "")
     (line,) = err.splitlines()
-    assert PORTS[port] in line
+    assert said in line
 
 
 @pytest.mark.parametrize("port", ["/dev/ttyNONE0", "auto"])

@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from test_changelog import KINDS
+from test_docs import KINDS
 
 from tactile_skin.launch import share_dir
 from tactile_skin.middleware.package import COMPOSED, NODES

@@ -16,6 +16,7 @@ from tactile_skin.cli import COMMANDS, make_parser
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
+KINDS = {"Added:", "Changed:", "Removed:", "Fixed:"}  # of changes
 GUIDE_WORDS = 14_000  # Start and How to together: what a user reads
 _LOADED = re.compile(r'<(?:script|img|link rel="stylesheet")[^>]*(?:src|href)="([^"]*)"')
 
@@ -113,3 +114,14 @@ def test_the_site_is_built_without_a_warning_and_needs_no_network(tmp_path):
         loaded = _LOADED.findall(page.read_text(encoding="utf-8"))
         assert not [address for address in loaded if address.startswith(("http", "//"))], page
     assert (tmp_path / "source" / "config" / "skin.yaml.txt").exists()
+
+
+def test_each_change_is_one_line_under_a_kind():
+    """test_colcon.py: as bloom reads it."""
+    page = (ROOT / "CHANGELOG.rst").read_text("utf-8")
+    versions = re.split(r"^\d+\.\d+\.\d+ \(.+\)\n-+$", page, flags=re.MULTILINE)
+    assert len(versions) >= 3
+    for version in versions[1:]:
+        lines = [line for line in version.splitlines() if line]
+        assert {line for line in lines if line.endswith(":")} <= KINDS
+        assert not [line for line in lines if line.startswith(" ")]

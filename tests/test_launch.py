@@ -16,8 +16,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from support.patience import PATIENCE, Hang
 from support.simulated import CIRCUIT, serving
-from support.told import PATIENCE, Told
+from support.told import Told
 
 from tactile_skin import PressureCurve
 from tactile_skin.board.serial_port import _LENT_TO
@@ -333,6 +334,17 @@ PATIENT_STOP = NODE % (
 )
 
 
+@contextlib.contextmanager
+def moving(path):
+    """A skin whose robot may move, what its hook hears, and the robot."""
+    heard = Told()
+    with launch(path) as skin:
+        skin.on_stop(heard)
+        robot = Robot(skin)
+        heard.wait_for((False, ""))
+        yield skin, heard, robot
+
+
 def test_a_hook_hears_every_change_and_its_reason(write):
     heard = Told()
     with launch(write(PATIENT_STOP)) as skin:
@@ -434,12 +446,9 @@ def test_a_closed_standard_output_ends_nothing_half(write, monkeypatch):
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGINT", "SIGHUP"])
 def test_a_signal_ends_spin_with_a_stop_as_the_last_word(write, name):
     """It returns; what is in the way of signals afterwards is what was there before."""
-    heard, number = Told(), getattr(signal, name)
+    number = getattr(signal, name)
     before = signal.getsignal(number)
-    with launch(write(PATIENT_STOP)) as skin:
-        skin.on_stop(heard)
-        Robot(skin)
-        heard.wait_for((False, ""))
+    with moving(write(PATIENT_STOP)) as (skin, heard, _):
         sender = threading.Timer(0.1, signal.pthread_kill, (threading.get_ident(), number))
         sender.start()
         skin.spin(PATIENCE)
@@ -455,11 +464,8 @@ def test_a_signal_ends_spin_with_a_stop_as_the_last_word(write, name):
 
 def test_a_signal_unwinds_a_users_own_loop_once(write):
     """The second one comes in the middle of the user's own clean-up, which it leaves alone."""
-    heard, cleaned = Told(), []
-    with pytest.raises(SystemExit) as ended, launch(write(PATIENT_STOP)) as skin:
-        skin.on_stop(heard)
-        Robot(skin)
-        heard.wait_for((False, ""))
+    cleaned = []
+    with pytest.raises(SystemExit) as ended, moving(write(PATIENT_STOP)) as (_, heard, _):
         try:
             signal.raise_signal(signal.SIGTERM)
         finally:
@@ -563,13 +569,7 @@ def test_a_hook_that_raises_on_the_last_word_is_told_again(write):
 
 def test_hooks_and_nodes_that_hang_do_not_keep_the_end(write, monkeypatch):
     """Nor the last word of the others."""
-    heard, release, begun = Told(), threading.Event(), threading.Semaphore(0)
-
-    def hang(*_):
-        begun.release()
-        release.wait(PATIENCE)
-
-    context, said = Context(), []
+    heard, hang, context, said = Told(), Hang(), Context(), []
     moves = "- node: {pkg: tactile_skin, exec: cmd_vel_gate}\n"
     skin = launch(
         write("- node: {pkg: tactile_skin, exec: monitor}\n" + PATIENT_STOP + moves), context
@@ -577,18 +577,16 @@ def test_hooks_and_nodes_that_hang_do_not_keep_the_end(write, monkeypatch):
     with skin:
         for hook in (hang, heard, hang):
             skin.on_stop(hook)
-        skin.on_stroke = None
         monkeypatch.setattr(skin._nodes[0], "close", hang)
         skin.node.create_subscription(Twist, "cmd_vel", said.append, 100)
         skin.node.create_timer(0.01, hang)
         heard.wait_for_reason("no reading yet")
-        for _ in range(3):
-            assert begun.acquire(timeout=PATIENCE)
+        hang.has_begun(3)
         start = time.monotonic()
     assert time.monotonic() - start < 1.0
     assert heard.calls[-1][0] is True
     assert "the skin shuts down" in heard.calls[-1][1]
-    release.set()
+    hang.release()
 
 
 def test_a_blocked_standard_error_keeps_no_hook_from_its_next_try(write, monkeypatch):
@@ -641,13 +639,9 @@ def test_a_push_and_its_release_are_told_to_hooks(write):
         lasted.append(seconds)
         releases.set()
 
-    free = Told()
-    with launch(write(PATIENT_STOP)) as skin:
+    with moving(write(PATIENT_STOP)) as (skin, _, robot):
         skin.on_push(on_push)
         skin.on_release(on_release)
-        skin.on_stop(free)
-        robot = Robot(skin)
-        free.wait_for((False, ""))
         assert not pushes.is_set()
         robot.force = 50.0
         assert pushes.wait(PATIENCE)
@@ -705,11 +699,7 @@ LATCHED_STOP = PATIENT_STOP.replace("param: [", "param: [{name: latch, value: tr
 
 
 def test_a_latched_stop_is_reset_from_a_program(write):
-    heard = Told()
-    with launch(write(LATCHED_STOP)) as skin:
-        skin.on_stop(heard)
-        robot = Robot(skin)
-        heard.wait_for((False, ""))
+    with moving(write(LATCHED_STOP)) as (skin, heard, robot):
         robot.force = 50.0
         heard.wait_for((True, "push + latched: push"))
         assert skin.reset_stop() == (False, "still stopped: push")
@@ -727,15 +717,10 @@ WITH_COMPENSATION = LATCHED_STOP + "- node: {pkg: tactile_skin, exec: compensati
 @pytest.mark.parametrize("latched", [False, True])
 def test_a_reset_first_ends_a_fault_that_is_kept_from_an_earlier_touch(write, latched):
     """It lives in the compensation; alone the stop's reset would be refused."""
-    heard = Told()
-    with launch(
-        write(WITH_COMPENSATION.replace("latch, value: true", f"latch, value: {latched}".lower()))
-    ) as skin:
-        skin.on_stop(heard)
-        Robot(skin)
-        compensation = skin._nodes[1]
-        heard.wait_for((False, ""))
-        handle = skin._handles[1]
+    value = f"latch, value: {latched}".lower()
+    path = write(WITH_COMPENSATION.replace("latch, value: true", value))
+    with moving(path) as (skin, heard, _):
+        compensation, handle = skin._nodes[1], skin._handles[1]
         (service,) = [s for s in handle._services if s.srv_name.endswith("/reset")]
         compensation.skin.waits = False  # rest was measured
         compensation.skin._monitor._doubt.held = True  # as a doubt that is held
@@ -749,17 +734,12 @@ def test_a_reset_first_ends_a_fault_that_is_kept_from_an_earlier_touch(write, la
 
 
 def test_a_compensation_that_does_not_answer_keeps_the_stop(write):
-    hangs, release = threading.Event(), threading.Event()
+    hang = Hang()
     with launch(write(WITH_COMPENSATION)) as skin:
-
-        def hang():
-            hangs.set()
-            release.wait(PATIENCE)
-
         skin._handles[1].create_timer(0.001, hang)
-        assert hangs.wait(PATIENCE)
+        hang.has_begun()
         assert skin.reset_stop(0.01) == (False, "/compensation/reset does not answer")
-        release.set()
+        hang.release()
 
 
 def test_a_reset_may_be_asked_for_in_a_callback(write):
@@ -778,27 +758,18 @@ def test_a_reset_may_be_asked_for_in_a_callback(write):
 
 def test_a_reset_that_was_given_up_does_not_happen_later(write):
     """What the hung stop node finds in its queue when it goes on must not free the robot."""
-    heard, hangs, release = Told(), threading.Event(), threading.Event()
-    with launch(write(LATCHED_STOP)) as skin:
-        skin.on_stop(heard)
-        robot = Robot(skin)
-        heard.wait_for((False, ""))
+    hang = Hang()
+    with moving(write(LATCHED_STOP)) as (skin, heard, robot):
         robot.force = 50.0
         heard.wait_for((True, "push + latched: push"))
         robot.force = 0.0
         heard.wait_for((True, "latched: push"))
-
-        def hang():
-            if not hangs.is_set():
-                hangs.set()
-                release.wait(PATIENCE)
-
         skin._handles[0].create_timer(0.001, hang)
-        assert hangs.wait(PATIENCE)
+        hang.has_begun()
         for _ in range(20):  # more than its queue holds
             assert skin.reset_stop(0.001) == (False, "/stop_on_push/reset does not answer")
         heard.calls.clear()
-        release.set()
+        hang.release()
         skin._executor.drain(PATIENCE)
         assert str(skin._nodes[0].policy._latched) == "push"
         assert (False, "") not in heard.calls

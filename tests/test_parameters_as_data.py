@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from tactile_skin import solvers
-from tactile_skin.behaviours.admittance import AdmittanceConfig
+from tactile_skin.behaviours.admittance import AdmittanceConfig, Linear
 from tactile_skin.behaviours.gate import GateConfig
 from tactile_skin.behaviours.stop import StopConfig
 from tactile_skin.commands import doctor
@@ -65,6 +65,30 @@ def test_no_setting_switches_off_what_protects():
             if type(leaf.default) is float:
                 assert leaf.about.low > 0.0 or leaf.name in may_be_0
                 assert leaf.about.low >= 0.0 and leaf.about.high < np.inf
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "value"),
+    [
+        (StopConfig, "threshold", 0.0),
+        (StopConfig, "stale_after", -0.1),
+        (StopConfig, "debounce", -1.0),
+        (StopConfig, "hold", np.nan),
+        (StopConfig, "lead", -0.01),
+        (GateConfig, "command_timeout", -1.0),
+        (GateConfig, "stop_timeout", np.inf),
+        (GateConfig, "touch", np.nan),
+        (GateConfig, "alignment", 0.0),
+        (AdmittanceConfig, "touch_timeout", np.inf),
+        (AdmittanceConfig, "stop_timeout", 0.0),
+        (Linear, "mass", 0.0),
+        (Linear, "max_speed", np.nan),
+        (Linear, "dead_band", -1.0),
+    ],
+)
+def test_a_setting_that_would_is_refused(kind, name, value):
+    with pytest.raises(ValueError, match=f"{name} = {value}: must be finite, and at least"):
+        kind(**{name: value})
 
 
 @pytest.fixture

@@ -5,7 +5,8 @@ import math
 import threading
 
 import pytest
-from support.told import PATIENCE, Told
+from support.patience import PATIENCE
+from support.told import Told
 
 from tactile_skin.behaviours.hooks import EventHook, StopHook, StopMessages
 from tactile_skin.behaviours.stop import OUT_OF_DATE, StopMessage

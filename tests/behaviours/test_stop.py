@@ -185,30 +185,6 @@ def test_a_limit_that_is_lowered_below_what_was_read_stops_at_once(limit):
     assert policy.decide(2.0).for_push_alone
 
 
-def test_a_fault_stops_until_it_is_taken_back():
-    policy = StopPolicy(CONFIG)
-    feed(policy, 0.0, 0.1, 0.0)
-    policy.fault("compensation", "open line")
-    assert policy.decide(0.1)[:2] == (True, "fault: compensation: open line")
-    policy.fault("compensation", "")
-    assert not policy.decide(0.1).stop
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("threshold", 0.0),
-        ("stale_after", -0.1),
-        ("debounce", -1.0),
-        ("hold", float("nan")),
-        ("lead", -0.01),
-    ],
-)
-def test_settings_that_switch_the_stop_off_are_refused(name, value):
-    with pytest.raises(ValueError, match=f"{name} = {value}: must be finite, and at least"):
-        StopConfig(**{name: value})
-
-
 def test_limits_by_which_no_push_would_end_are_refused():
     with pytest.raises(ValueError, match=r"release = 6\.0"):
         StopConfig(threshold=5.0, release=6.0)

@@ -21,7 +21,7 @@ from support.firmware import (
     time_constant,
 )
 from support.marks import ci
-from support.simulated import PATIENCE
+from support.patience import PATIENCE
 
 from tactile_skin import Circuit, compensate, forward, measure_rest
 from tactile_skin.board import description

@@ -113,20 +113,3 @@ def test_another_chip_is_never_written(board, capsys):
     assert cli.main(["flash", f"port:={board.port}"]) == 2
     assert "signature is 0x1e9801, the firmware is for ATmega328P" in capsys.readouterr().err
     assert set(board.flash) == {0xFF}
-
-
-@pytest.mark.parametrize(
-    ("words", "match"),
-    [
-        ([], "port is missing"),
-        (["port:=auto"], "name the port"),
-        (["port:=/dev/no-such-port"], "does not exist"),
-        (["prot:=/dev/ttyUSB0"], "is unknown"),
-        (["port:=a", "port:=b"], "given twice"),
-        (["port:=/dev/null", "adc_mhz:=4"], "adc_mhz:=4: must be 2 or 1"),
-    ],
-)
-def test_a_mistake_is_one_line(words, match, capsys):
-    assert cli.main(["flash", *words]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert match in line

@@ -11,7 +11,8 @@ import tty
 import pytest
 import serial
 from serial.tools.list_ports_common import ListPortInfo
-from support.simulated import CIRCUIT, PATIENCE, Serving, make_board, serving
+from support.patience import PATIENCE
+from support.simulated import CIRCUIT, Serving, make_board, serving
 
 from tactile_skin import Circuit
 from tactile_skin.board import serial_port
@@ -298,16 +299,13 @@ def no_port(tmp_path, kind):
 
 @pytest.mark.parametrize("kind", NO_PORTS)
 def test_what_is_no_serial_device_is_said_to_be_none(tmp_path, heard, reading, kind):
+    """And refused at the start, but for a device."""
     path = no_port(tmp_path, kind)
     reading(path)
     heard.wait_for_line(f"port {path} {NO_PORTS[kind]}")
-
-
-@pytest.mark.parametrize("kind", [kind for kind in NO_PORTS if not kind.startswith("/")])
-def test_what_is_no_serial_device_is_refused_at_the_start(tmp_path, kind):
-    path = no_port(tmp_path, kind)
-    with pytest.raises(ValueError, match=f"port {path}: {NO_PORTS[kind]}"):
-        check_port(str(path))
+    if not kind.startswith("/"):
+        with pytest.raises(ValueError, match=f"port {path}: {NO_PORTS[kind]}"):
+            check_port(str(path))
 
 
 def test_a_hangup_is_called_one(line, heard, reading):
@@ -489,6 +487,8 @@ def test_auto_without_ports_says_so(monkeypatch, heard, reading):
     monkeypatch.setattr(serial_port, "candidates", lambda *_: [])
     reading("auto")
     heard.wait_for_line("no USB serial port found")
+    with pytest.raises(ValueError, match="port auto: no USB serial port found"):
+        check_port("auto")
 
 
 # --- check_port ---
@@ -499,12 +499,6 @@ def test_a_missing_port_is_refused_by_name(monkeypatch, tmp_path):
     port = tmp_path / "ttyUSB0"
     with pytest.raises(ValueError, match=f"port {port}: does not exist.*found: /dev/ttyUSB3"):
         check_port(str(port))
-
-
-def test_auto_needs_a_port(monkeypatch):
-    monkeypatch.setattr(serial_port, "candidates", lambda *_: [])
-    with pytest.raises(ValueError, match="port auto: no USB serial port found"):
-        check_port("auto")
 
 
 def test_a_port_that_is_there_is_taken(monkeypatch, line):

@@ -70,16 +70,11 @@ def test_two_fingers_that_cross_side_by_side_keep_their_ids(body):
     assert found == {1: pytest.approx(-0.05), 2: pytest.approx(0.05)}
 
 
-def test_a_mat_that_falls_silent_is_touched_no_more(body):
+@pytest.mark.parametrize(("t", "ids"), [(0.99, [1]), (1.1, [])])
+def test_a_mat_that_falls_silent_is_touched_for_as_long_as_stale_after_allows(body, t, ids):
     body.update(0.0, "right", [piece(1, -0.1)])
-    body.update(1.1, "left", [])
-    assert body.touches() == []
-
-
-def test_a_mat_as_slow_as_stale_after_allows_is_touched_until_it_says_more(body):
-    body.update(0.0, "right", [piece(1, -0.1)])
-    body.update(0.99, "left", [])
-    assert [touch.id for touch in body.touches()] == [1]
+    body.update(t, "left", [])
+    assert [touch.id for touch in body.touches()] == ids
 
 
 def test_the_same_touch_that_comes_back_on_one_mat_has_its_id(body):

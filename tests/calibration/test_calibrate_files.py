@@ -86,22 +86,6 @@ def test_weights_without_a_curve_are_a_failure(files, capsys, touched):
         assert f"{out} is not written" in err
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["touches:=a.npy"], "rest:=FILE is missing"),
-        (["rest:=a.npy", "port:=/dev/null"], "files are rest, touches, reference, creep, rate"),
-        (["rest:=a.npy", "500g:=b.npy", "reference:=scale.csv"], "No such file"),
-        (["rest:=none.npy"], "none.npy: No such file"),
-        (["rest:=a.npy", "rate:=fast"], "rate:=fast: must be a number"),
-    ],
-)
-def test_mistakes_are_one_line(files, capsys, words, said):
-    status, _ = calibrate(files[0], *words)
-    err = capsys.readouterr().err
-    assert status == 2 and said in err and len(err.splitlines()) == 1
-
-
 def test_a_file_in_which_the_skin_is_touched_is_no_rest(files, capsys):
     folder, _ = files
     frames = np.load(folder / "rest.npy")

@@ -128,12 +128,16 @@ class Clipped(Board):
         self.texture = np.exp(0.1 * self.rng.standard_normal((8, 8)))
 
 
-def test_a_ceiling_with_noise_is_told_at_the_second_touch():
+@pytest.mark.parametrize("unread", [False, True])
+def test_a_ceiling_with_noise_is_told_at_the_second_touch(unread):
+    """Crossings that are not read hide it not: they stand still at 0, without noise."""
     board = Clipped(noise=0.5, ceiling=614.0)
+    board.dead = np.zeros((8, 8), bool)
+    board.dead[:, 6:] = unread
     board.frames(200)
     assert not any(board.frames(50, 800.0))
     board.frames(100)
-    assert board.frames(50, 750.0, np.s_[4:8, 4:8])[-1].startswith("readings end at 61")
+    assert board.frames(50, 750.0, np.s_[4:8, 2:6])[-1].startswith("readings end at 61")
 
 
 def test_noise_above_a_ceiling_does_not_end_it():
@@ -214,14 +218,3 @@ def test_the_ceiling_of_an_inverted_board_is_named_as_it_prints_it():
     board = Turned(ceiling=614.0)
     board.frames(200)
     assert board.frames(40, 800.0)[-1].startswith("readings end at 409 ADC steps")
-
-
-def test_crossings_that_are_not_read_hide_no_ceiling():
-    """They stand still at 0, without the noise that all others have."""
-    board = Clipped(noise=0.5, ceiling=614.0)
-    board.dead = np.zeros((8, 8), bool)
-    board.dead[:, 6:] = True
-    board.frames(200)
-    board.frames(50, 800.0)
-    board.frames(100)
-    assert board.frames(50, 750.0, np.s_[4:8, 2:6])[-1].startswith("readings end at 61")

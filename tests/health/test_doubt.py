@@ -49,10 +49,13 @@ def test_half_of_the_last_frames_are(skin):
     assert skin.feel(0.5, suspect=True, touched=True).index(True) == 9
 
 
-def test_a_fault_under_a_touch_outlasts_it_until_the_skin_has_rested(skin):
-    skin.feel(0.5, suspect=True, touched=True)
-    faults = skin.feel(2.0)
-    assert faults.index(False) == pytest.approx(100, abs=1)
+@pytest.mark.parametrize(("seconds", "believed", "frames"), [(0.5, False, 100), (0.3, True, 50)])
+def test_a_fault_under_a_touch_outlasts_it_until_the_skin_has_rested(
+    skin, seconds, believed, frames
+):
+    """Or until a touch is believed: one doubt while it came stops no robot for its length."""
+    skin.feel(seconds, suspect=True, touched=True)
+    assert skin.feel(2.0, touched=believed).index(False) == pytest.approx(frames, abs=1)
 
 
 def test_why_it_is_kept_is_said(skin):
@@ -61,13 +64,6 @@ def test_why_it_is_kept_is_said(skin):
     assert "seen under the last touch: kept until 1 s of rest" in skin.doubt.kept
     skin.feel(1.0)
     assert skin.doubt.kept == ""
-
-
-def test_a_touch_that_is_believed_ends_it_as_well(skin):
-    """A doubt while a touch came does not stop the robot for as long as the hand stays."""
-    skin.feel(0.3, suspect=True, touched=True)
-    faults = skin.feel(1.0, touched=True)
-    assert faults.index(False) == pytest.approx(50, abs=1)
 
 
 def test_a_fault_that_comes_back_with_the_touch_is_not_healed_by_rest(skin):

@@ -58,13 +58,6 @@ def test_stripes_are_no_business_of_the_network(tmp_path):
     assert same(first, network.load(path))
 
 
-@pytest.mark.ci
-def test_the_physics_fed_network_trains_too(tmp_path):
-    weights, _ = run(tmp_path, replace(TINY, network="physics", readout="board", epochs=6))
-    assert weights.path.name == "physics.npz"
-    assert weights.predict(np.full((6, 7), 0.2)).shape == (6, 7)
-
-
 def test_a_killed_run_resumes_to_the_same_result(whole, tmp_path):
     class Killed(Exception):
         pass

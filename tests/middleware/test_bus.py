@@ -8,6 +8,7 @@ import threading
 
 import pytest
 from support.bench import Bench
+from support.patience import PATIENCE, Hang
 
 from tactile_skin.errors import ParameterError
 from tactile_skin.fields import About
@@ -22,7 +23,6 @@ from tactile_skin.middleware.bus import (
 )
 from tactile_skin.msg import Bool, Float32, Trigger
 
-PATIENCE = 20.0  # s, for what must happen; how fast it does is not tested
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -541,12 +541,7 @@ def test_time_to_message_and_back():
 
 def test_a_hanging_subscriber_delays_nobody(threads):
     """Its own queue drops; another node gets every message while it hangs."""
-    context, release, hangs, all_seen = Context(), threading.Event(), threading.Event(), []
-    done = threading.Event()
-
-    def hang(message):
-        hangs.set()
-        release.wait(PATIENCE)
+    context, hang, all_seen, done = Context(), Hang(), [], threading.Event()
 
     def see(message):
         all_seen.append(message.data)
@@ -560,13 +555,13 @@ def test_a_hanging_subscriber_delays_nobody(threads):
     threads.add_node(slow)
     threads.add_node(quick)
     publisher.publish(Float32(-1))
-    assert hangs.wait(PATIENCE)
+    hang.has_begun()
     for k in range(100):
         publisher.publish(Float32(k))
     assert done.wait(PATIENCE)
     assert all_seen == [-1, *range(100)]
     assert subscription.dropped == 95
-    release.set()
+    hang.release()
 
 
 def test_callbacks_of_one_node_never_overlap(threads):
@@ -604,19 +599,13 @@ def test_timers_run_in_threads_too(threads):
 
 
 def test_shutdown_says_when_a_callback_hangs():
-    release, hangs, context = threading.Event(), threading.Event(), Context()
-
-    def hang(message):
-        hangs.set()
-        release.wait(PATIENCE)
-
-    node, executor = Node("n", context=context), MultiThreadedExecutor()
+    hang, node, executor = Hang(), Node("n", context=Context()), MultiThreadedExecutor()
     node.create_subscription(Float32, "t", hang, 10)
     executor.add_node(node)
     node.create_publisher(Float32, "t", 10).publish(Float32())
-    assert hangs.wait(PATIENCE)
+    hang.has_begun()
     assert executor.shutdown(0.01) is False
-    release.set()
+    hang.release()
     assert executor.shutdown(PATIENCE) is True
 
 

@@ -2,6 +2,7 @@
 """A launch file starts nodes of other packages: classes of a module."""
 
 import pytest
+from support.patience import spin_until
 
 from tactile_skin.errors import LaunchError
 from tactile_skin.launch import launch
@@ -43,10 +44,7 @@ def test_a_class_of_a_module(write):
     seen = []
     with launch(write("skin_lamps", "Lamp")) as skin:
         skin.node.create_subscription(Bool, "left/lamp", seen.append, 10)
-        for _ in range(200):
-            if seen:
-                break
-            skin.spin(0.05)
+        spin_until(skin, lambda: seen)
     assert seen[0] == Bool(False)
 
 

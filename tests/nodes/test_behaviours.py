@@ -276,7 +276,7 @@ def test_a_squeeze_from_two_sides_leaves_no_motion(monkeypatch):
     monkeypatch.setitem(GEOMETRY, "geometry.pitch", ALL_AROUND)
     robot = Robot()
     robot.live(0.1)
-    robot.felt = palm(math.pi / 2, 40.0) + palm(-math.pi / 2, 40.0)
+    robot.felt = palm(math.pi / 2, 20.0) + palm(-math.pi / 2, 20.0)  # a push together
     robot.live(0.2)
     assert robot.reason == "push"
     for course in EIGHT:

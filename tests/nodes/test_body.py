@@ -4,7 +4,6 @@
 import contextlib
 import json
 import re
-import time
 from functools import partial
 
 import numpy as np
@@ -12,6 +11,7 @@ import pytest
 import yaml
 from serial.tools.list_ports_common import ListPortInfo
 from support.page import unpack
+from support.patience import PATIENCE, spin_until, until
 from support.simulated import CIRCUIT, make_board, serving
 
 from tactile_skin import ros
@@ -28,7 +28,6 @@ from tactile_skin.touch.frames import Pose
 
 pytestmark = pytest.mark.live
 
-PATIENCE = 30.0  # s, for what must happen; how fast it does is not tested
 NAMES = "chest", "back"
 FOUR = *NAMES, "left_arm", "right_arm"
 GEOMETRY = {"shape": "plane", "pitch": 0.018}
@@ -93,10 +92,7 @@ class Heard:
         self.skin.node.create_subscription(kind, topic, lambda msg: take(topic, msg), 10)
 
     def until(self, condition, what: str):
-        end = time.monotonic() + PATIENCE
-        while not condition():
-            assert time.monotonic() < end, f"{what}: {self.reasons[-3:]}"
-            self.skin.spin(0.02)
+        spin_until(self.skin, condition, lambda: f"{what}: {self.reasons[-3:]}")
 
     def free(self) -> bool:
         return bool(self.reasons) and not self.reasons[-1][0]
@@ -189,21 +185,6 @@ def test_a_skin_in_a_frame_of_its_own_is_placed_by_tf(body, tmp_path):
     assert abs(force.x) < 1.0 and np.hypot(torque.x, torque.z) > 0.5 * force.y  # about the origin
 
 
-@pytest.mark.parametrize(
-    ("places", "words"),
-    [
-        ({"back": {"shape": "unknown"}}, "back.geometry.shape = unknown: a body has to know"),
-        ({"back": {"rpy": [0.0, 0.0, 0.1]}}, "chest and back: geometry: lie at one place"),
-    ],
-)
-def test_a_body_that_does_not_know_where_its_skins_are_is_refused(write, tmp_path, places, words):
-    skins = {name: section(name, tmp_path) for name in NAMES}
-    for name, place in places.items():
-        skins[name]["geometry"] = GEOMETRY | place
-    with pytest.raises(ValueError, match=words):
-        launch("body.launch.yaml", config=write(skins), wait_for_port=1.0).build()
-
-
 def test_the_page_shows_each_skin_and_the_stop_of_the_body(body):
     connect = pytest.importorskip("websockets.sync.client", reason="serves the page").connect
     skin, _ = body({"chest": "push_left"}, view="true", view_port=0)
@@ -231,15 +212,11 @@ def test_the_page_shows_each_skin_and_the_stop_of_the_body(body):
         assert hello[""]["skins"] == [*NAMES] and hello["back"]["skin"] == "back"
         assert (hello["back"]["rows"], hello["back"]["cols"]) == CIRCUIT.shape
         assert hello["chest"]["normal"] != hello["back"]["normal"]
-        end = time.monotonic() + PATIENCE
-        while not (
-            heads["chest"] and heads["chest"]["stop"] and "push" in heads["chest"]["reason"]
-        ):
-            assert time.monotonic() < end
-            ask()
-        while "chest: push" not in heads[""]["reason"] or heads["back"]["stop"] is not False:
-            assert time.monotonic() < end
-            ask()
+        ask()
+        chest = lambda: heads["chest"]["stop"] and "push" in heads["chest"]["reason"]  # noqa: E731
+        until(chest, "a push on the chest", ask)
+        both = lambda: "chest: push" in heads[""]["reason"] and heads["back"]["stop"] is False  # noqa: E731
+        until(both, "a push on the body, and a back that is free", ask)
         assert found["chest"]["a"].shape == found["back"]["a"].shape == CIRCUIT.shape
 
 
@@ -334,18 +311,24 @@ def test_skins_under_another_name_are_refused_with_the_right_one(tmp_path, above
         launch("body.launch.yaml", config=path)
 
 
+HERE = "robot.yaml: skins: back: "
+
+
 @pytest.mark.parametrize(
     ("wrong", "words"),
     [
-        ({"geometry": {"shpe": "plane"}}, "parameter 'geometry.shpe' is unknown; did you mean"),
-        ({"circuit": {"mask": "11 1"}}, "circuit.mask = '11 1': must be words"),
-        ({"stop_on_push": {"threshold": -4.0}}, "stop_on_push: parameter threshold of node"),
+        ({"geometry": {"shpe": "plane"}}, f"{HERE}parameter 'geometry.shpe' is unknown; did you"),
+        ({"circuit": {"mask": "11 1"}}, f"{HERE}circuit.mask = '11 1': must be words"),
+        ({"stop_on_push": {"threshold": -4.0}}, f"{HERE}stop_on_push: parameter threshold of node"),
+        ({"geometry": {"shape": "unknown"}}, "back.geometry.shape = unknown: a body has to know"),
+        ({"geometry": GEOMETRY | {"rpy": [0.0, 0.0, 0.1]}}, "chest and back: geometry: lie at one"),
     ],
 )
 def test_a_wrong_value_is_refused_with_its_file_and_its_skin(tmp_path, write, wrong, words):
+    """And a body that does not know where its skins are."""
     skins = {name: section(name, tmp_path) for name in NAMES}
     skins["back"] |= wrong
-    with pytest.raises(ValueError, match=f"robot.yaml: skins: back: {words}"):
+    with pytest.raises(ValueError, match=words):
         launch("body.launch.yaml", config=write(skins), wait_for_port=1.0).build()
 
 

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The stops of two skins and of their body, on a clock that is driven: what lies on both."""
+"""The stops of two skins and of their body, on a clock that is driven: what lies on both, and a
+body that lags.
+"""
 
 import pytest
 from support.bench import Bench
@@ -12,6 +14,10 @@ from tactile_skin.msg import (
     Vector3,
     Wrench,
     WrenchStamped,
+<<<<<<< HEAD
+=======
+    cloud_columns,
+>>>>>>> w-tests
     cloud_of,
 )
 from tactile_skin.nodes import diagnostics, now
@@ -24,6 +30,7 @@ from tactile_skin.touch.events import Pushed, Released
 NAMES = "chest", "back"
 R_PAR_UNKNOWN = 54.0  # ohm, as of a skin that nobody has calibrated
 FORCE = 12.0  # N, on each skin: a quarter of it on each of four cells
+WAITING = 30  # frames that each skin has published before the body reads one
 
 
 class TwoSkins(Bench):
@@ -38,12 +45,19 @@ class TwoSkins(Bench):
             StopOnPush(self.node("stop_on_push", namespace=name))
         self.body = Body(self.node("body", given))
         others = self.node("others")
+<<<<<<< HEAD
         self._contacts = [
             others.create_publisher(PointCloud2, f"/{name}/skin/contacts", 10) for name in NAMES
         ]
         self._wrenches = [
             others.create_publisher(WrenchStamped, f"/{name}/skin/wrench", 10) for name in NAMES
         ]
+=======
+        self._contacts, self._wrenches = (
+            [others.create_publisher(kind, f"/{name}/skin/{topic}", 10) for name in NAMES]
+            for kind, topic in ((PointCloud2, "contacts"), (WrenchStamped, "wrench"))
+        )
+>>>>>>> w-tests
         value = KeyValue(diagnostics.UNKNOWN_SERIES, str(unknown))
         status = DiagnosticStatus(diagnostics.OK, "compensation", "ok", "", [value])
         for name in NAMES:
@@ -56,15 +70,27 @@ class TwoSkins(Bench):
     def _on_status(self, message: DiagnosticArray) -> None:
         self.reason = message.status[0].message
 
+    def publish(self, newton: float, peak: float) -> None:
+        """One frame of each skin."""
+        touch = (0.0, 0.0, 0.0, newton, 1e-3, peak, 1.0, 0.0, 0.0, 0.0, 1.0)
+        force = Wrench(Vector3(float(newton), 0.0, 0.0), Vector3())
+        for contacts, wrench in zip(self._contacts, self._wrenches, strict=True):
+            contacts.publish(cloud_of(CONTACT, [touch] if newton else [], self.header()))
+            wrench.publish(WrenchStamped(self.header(), force))
+
     def lies_on_both(self, newton: float, peak: float) -> None:
         """For half a second."""
         for _ in range(50):
+<<<<<<< HEAD
             touch = (0.0, 0.0, 0.0, newton, 1e-3, peak, 1.0, 0.0, 0.0, 0.0, 1.0)
             touches = [touch] if newton else []
             for contacts, wrench in zip(self._contacts, self._wrenches, strict=True):
                 contacts.publish(cloud_of(CONTACT, touches, self.header()))
                 force = Vector3(-newton, 0.0, 0.0)
                 wrench.publish(WrenchStamped(self.header(), Wrench(force)))
+=======
+            self.publish(newton, peak)
+>>>>>>> w-tests
             self.spin(0.01)
 
 
@@ -102,3 +128,17 @@ def test_a_skin_whose_stop_says_no_more_than_that_it_stops_stops_the_body():
     halt = DiagnosticStatus(diagnostics.ERROR, "stop of one's own", "halt", "", [])
     skins.body.on_status("chest", DiagnosticArray(skins.header(), [halt]))
     assert skins.body.stop.decide(now(skins.body.node)).reason == "chest: halt"
+
+
+def test_a_body_that_lags_reads_the_newest_of_each_skin_and_no_older_ones():
+    skins, contacts, wrenches = TwoSkins(0.0), [], []
+    skins.body.node.create_tap(PointCloud2, "/skin/contacts", contacts.append)
+    skins.body.node.create_tap(WrenchStamped, "/skin/wrench", wrenches.append)
+    for newton in range(1, WAITING + 1):
+        skins.clock.advance(0.01)
+        skins.publish(newton, newton)
+    skins.spin()
+    (message,) = wrenches
+    assert message.wrench.force.x == WAITING  # of the skin that comes first
+    (message,) = contacts
+    assert cloud_columns(message, "force")["force"].tolist() == [WAITING]

@@ -3,6 +3,7 @@
 
 import pytest
 from support.bench import Bench
+from support.patience import spin_until
 
 from tactile_skin.launch import launch
 from tactile_skin.msg import Bool, DiagnosticArray
@@ -63,10 +64,6 @@ def test_every_node_of_a_launch_reports_them():
             100,
         )
         names = {"serial_driver", "compensation", "gesture_feature", "stop_on_push", "monitor"}
-        for _ in range(300):
-            if set(found) >= names | {"user"}:
-                break
-            skin.spin(0.1)
-    assert set(found) >= names | {"user"}
+        spin_until(skin, lambda: set(found) >= names | {"user"}, lambda: found)
     for status in found.values():
         assert {"dropped", "callback_errors"} <= set(values(status))

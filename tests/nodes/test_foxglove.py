@@ -12,10 +12,10 @@ import pytest
 
 pytest.importorskip("foxglove", reason="serves")
 pytest.importorskip("websockets", reason="is the client")
+from support.bench import Bench
 from websockets.sync.client import connect
 
 from tactile_skin.errors import LaunchError
-from tactile_skin.middleware.bus import Context, Node, Parameter, SingleThreadedExecutor
 from tactile_skin.middleware.launch_file import read_plan
 from tactile_skin.middleware.package import FOXGLOVE, find
 from tactile_skin.msg import (
@@ -45,20 +45,17 @@ TOPICS = {
 MESSAGE = struct.Struct("<BIQ")  # opcode 1, number of the subscription, log time [ns]
 
 
-class Skin:
+class Skin(Bench):
     """The node, and a publisher for each of TOPICS."""
 
     def __init__(self, **given):
-        self.context, self.executor = Context(), SingleThreadedExecutor()
-        overrides = [Parameter(name, value) for name, value in ({"port": 0} | given).items()]
-        self.talker = Node("talker", context=self.context)
+        super().__init__()
+        self.talker = self.node("talker")
         self.publish = {
             topic: self.talker.create_publisher(kind, topic, 10).publish
             for topic, kind in TOPICS.items()
         }
-        self.node = Node("foxglove", context=self.context, parameter_overrides=overrides)
-        self.foxglove = Foxglove(self.node)
-        self.executor.add_node(self.node)
+        self.foxglove = Foxglove(self.node("foxglove", {"port": 0} | given))
 
     def __enter__(self):
         return self

@@ -8,6 +8,7 @@ from collections import defaultdict
 import numpy as np
 import pytest
 from support.bench import Bench
+from support.patience import PATIENCE, until
 
 from tactile_skin.middleware.bus import Context, MultiThreadedExecutor, Node
 from tactile_skin.msg import Bool, Header, Image, PointCloud2, String, cloud, cloud_columns, image
@@ -19,7 +20,6 @@ from tactile_skin.simulation.people.hands import GESTURES, Person, perform
 from tactile_skin.simulation.people.mat import Mat
 from tactile_skin.touch.model import load_model
 
-PATIENCE = 30.0  # s, for what must happen; how fast it does is not tested
 CELL_AREA = 1.44e-4  # m^2
 MAT = Mat(16, 16, 0.018)
 
@@ -141,15 +141,15 @@ def test_a_recogniser_that_hangs_or_raises_neither_keeps_a_stop_back_nor_ends_on
     feeler.create_subscription(Bool, "skin/stop", lambda m: said.append(m.data), LATCHED)
     executor.add_node(feeler)
 
-    def feel(force: float, until) -> None:
-        deadline = time.monotonic() + PATIENCE
-        while not until():
-            assert time.monotonic() < deadline
+    def feel(force: float, happened) -> None:
+        def frame():
             header = Header(feeler.get_clock().now().to_msg(), "base_link")
             at = {"x": 0.0, "y": 0.0, "z": 0.0, "force": force, "peak": force}
             contacts.publish(cloud({name: [value] for name, value in at.items()}, header))
             pressure.publish(image(np.full((16, 16), force / CELL_AREA / 256), "32FC1", header))
             time.sleep(0.01)
+
+        until(happened, f"{force} N", frame)
 
     try:
         feel(0.0, lambda: said[-1:] == [False] and hangs.asked.is_set())

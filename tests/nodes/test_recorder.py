@@ -5,15 +5,14 @@ import contextlib
 import errno
 import os
 import resource
-import signal
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
 import yaml
-from support.simulated import CIRCUIT, PATIENCE, make_board, serving
+from support.patience import until
+from support.simulated import CIRCUIT, make_board, serving
 
 from tactile_skin import PressureCurve
 from tactile_skin.errors import FileError
@@ -43,13 +42,6 @@ def config(tmp_path):
     return write
 
 
-def wait_for(condition):
-    deadline = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
-
-
 def ended(path):
     """The recording at a path, once it is whole: a busy disk ends it after the skin."""
 
@@ -57,11 +49,11 @@ def ended(path):
         with contextlib.suppress(FileError):  # nothing of it is on the disk yet
             return not Recording(path).damage
 
-    wait_for(whole)
+    until(whole)
     return Recording(path)
 
 
-def run(tmp_path, config, record, until, board=None):
+def run(tmp_path, config, record, enough, board=None):
     """A skin on a simulated board, until a condition of (received images, skin) holds."""
     heard = {"skin/adc": [], "skin/pressure": []}
     link = tmp_path / "port"
@@ -72,7 +64,7 @@ def run(tmp_path, config, record, until, board=None):
     ):
         for topic, into in heard.items():
             skin.node.create_subscription(Image, topic, into.append, 1000)
-        wait_for(lambda: until(heard, skin))
+        until(lambda: enough(heard, skin))
     return heard
 
 
@@ -187,25 +179,3 @@ def test_a_full_disk_is_in_the_summary_and_in_the_status(tmp_path):
     summary = done.stdout[done.stdout.index("summary") :]
     assert "recorder: recording has ended: File too large" in summary
     assert "Traceback" not in done.stderr
-
-
-@pytest.mark.ci
-def test_a_killed_process_leaves_all_but_the_last_second(tmp_path):
-    """Once here; twenty times by benchmarks.running.recording."""
-    path = tmp_path / "a.mcap"
-    command = [sys.executable, "-m", "tactile_skin", "record", path, "demo.launch.yaml"]
-    process = subprocess.Popen(
-        [*map(str, command), "monitor:=false"],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
-    try:
-        wait_for(lambda: path.exists() and path.stat().st_size > 100_000)
-    finally:
-        killed = time.time_ns()
-        os.killpg(process.pid, signal.SIGKILL)
-        process.wait(PATIENCE)
-    found = Recording(path)
-    assert found.damage
-    assert killed - found.stamps[-1] < 1e9

@@ -5,7 +5,6 @@ import asyncio
 import json
 import os
 import signal
-import time
 import urllib.request
 from pathlib import Path
 
@@ -15,6 +14,7 @@ import pytest
 pytest.importorskip("websockets", reason="serves the page")
 
 from support.page import unpack
+from support.patience import PATIENCE, until
 from websockets.asyncio.client import connect
 
 from tactile_skin.errors import LaunchError
@@ -42,8 +42,6 @@ from tactile_skin.view.process import listen
 from tactile_skin.view.snapshot import LATCHED, STOP
 
 pytestmark = pytest.mark.live
-
-PATIENCE = 30.0  # s, for what must happen
 
 
 class Viewed:
@@ -112,7 +110,7 @@ def talk(viewed, scenario):
     asyncio.run(asyncio.wait_for(run(), PATIENCE))
 
 
-async def until(page, happens, before=lambda: None):
+async def shown(page, happens, before=lambda: None):
     number = 0
     while True:
         before()
@@ -132,18 +130,15 @@ def test_the_page_has_a_low_priority_within_its_session_and_among_sessions(viewe
         among = group.read_text() if group.exists() else "nice 10"
         return os.getpriority(os.PRIO_PROCESS, pid) == low and "nice 10" in among
 
-    end = time.monotonic() + PATIENCE
-    while not says_low():
-        assert time.monotonic() < end
-        time.sleep(0.01)
+    until(says_low)
 
 
 def test_a_page_sees_what_is_published_and_the_stop(viewed):
     async def scenario(page):
-        arrays = await until(page, lambda h: h["stamp"] == 200.0, lambda: viewed.publish(200))
+        arrays = await shown(page, lambda h: h["stamp"] == 200.0, lambda: viewed.publish(200))
         assert (arrays["reading"] == 200.0).all()
         stopped = lambda h: h["stop"] and h["reason"] == "push"  # noqa: E731
-        await until(page, stopped, lambda: viewed.publish(201, stop=True))
+        await shown(page, stopped, lambda: viewed.publish(201, stop=True))
 
     talk(viewed, scenario)
 
@@ -153,9 +148,9 @@ def test_a_stop_that_is_heard_no_more_is_unknown(viewed, monkeypatch):
     monkeypatch.setattr(view, "_UNHEARD", 0.3)
 
     async def scenario(page):
-        await until(page, lambda h: h["stop"] is False, lambda: viewed.publish(500))
+        await shown(page, lambda h: h["stop"] is False, lambda: viewed.publish(500))
         unknown = lambda h: h["stop"] is None and h["stamp"] == 500.0  # noqa: E731
-        await until(page, unknown, viewed.view._show)
+        await shown(page, unknown, viewed.view._show)
 
     talk(viewed, scenario)
 
@@ -164,9 +159,7 @@ def test_nothing_is_sent_while_no_page_is_open(fresh):
     sent = []
     fresh.view.skins[""].page.show = sent.append
     fresh.publish(3)
-    deadline = time.monotonic() + PATIENCE
-    while not fresh.node._idle() and time.monotonic() < deadline:
-        time.sleep(0.01)
+    until(fresh.node._idle)
     assert not sent and not fresh.view.skins[""].page.watched
 
 
@@ -216,9 +209,7 @@ def test_a_page_that_may_not_is_refused_by_the_skin_too(viewed):
 
 def test_the_skin_goes_on_when_the_pages_process_dies(fresh, caplog):
     os.kill(fresh.view._page._process.pid, signal.SIGKILL)
-    deadline = time.monotonic() + PATIENCE
-    while "has ended" not in caplog.text and time.monotonic() < deadline:
-        time.sleep(0.01)
+    until(lambda: "has ended" in caplog.text)
     assert "the skin goes on" in caplog.text
     fresh.view.skins[""].page.watched = True
     for k in range(2000):  # more than any buffer holds

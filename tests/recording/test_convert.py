@@ -116,6 +116,8 @@ def test_of_several_skins_that_of_the_namespace_is_taken(tmp_path, call):
     status, said, error = call("replay", path, "namespace:=right", "--export", out)
     assert (status, error) == (0, "") and "3 frames" in said
     np.testing.assert_array_equal(np.load(out), right / 64)
+    status, _, error = call("replay", path, "namespace:=up", "--export", out)
+    assert status == 2 and "no topic /up/skin/adc" in error
     status, _, error = call("doctor", path)
     assert status == 2 and "there are: /left/skin/adc, /right/skin/adc" in error
     _, _, error = call("doctor", path, "namespace:=right")
@@ -150,22 +152,3 @@ def test_methods_are_compared(tmp_path, config, call):
     assert status == 0
     lines = said.partition("\n\n")[2].splitlines()
     assert [line.split()[0] for line in lines[:3]] == ["method", "map", "naive"]
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["none.mcap"], "none.mcap: No such file"),
-        ([], "give a FILE, or several"),
-        (["a.csv", "b.csv"], "a.csv: No such file"),
-        (["a.mcap", "b.mcap", "--out", "c.mcap"], "--out and --export are of one FILE, not of 2"),
-        (["a.mcap", "method:=magic"], "method 'magic': must be one of"),
-        (["a.mcap", "sped:=2"], "argument 'sped' is unknown"),
-        (["a.mcap", "rate:=fast"], "rate:=fast: must be a number"),
-        (["a.mcap", "--jobs", "2", "--out", "b.mcap"], "--jobs = 2: must be 1 or more, and 1"),
-        (["a.bag"], "must be one of .mcap"),
-    ],
-)
-def test_mistakes_are_one_line(call, words, said):
-    status, _, err = call("replay", *words)
-    assert status == 2 and said in err and len(err.splitlines()) == 1

@@ -3,12 +3,12 @@
 
 import errno
 import gc
-import threading
 import time
 
 import numpy as np
 import pytest
 import recorded
+from support.patience import PATIENCE, Hang
 
 pytest.importorskip("mcap")
 
@@ -154,22 +154,16 @@ def test_a_slow_disk_drops_and_counts(tmp_path, clock, monkeypatch):
 
 @pytest.mark.live
 def test_a_disk_that_hangs_blocks_nobody(tmp_path, clock, monkeypatch):
-    recorder = make(tmp_path / "a.mcap", clock)
-    hangs, over = threading.Event(), threading.Event()
-
-    def write(*_):
-        hangs.set()
-        over.wait(30.0)
-
-    monkeypatch.setattr(recorder.store, "write", write)
+    recorder, hang = make(tmp_path / "a.mcap", clock), Hang()
+    monkeypatch.setattr(recorder.store, "write", hang)
     recorder.start()
     feed(recorder, clock, recorded.samples(5), every=1000)
-    assert hangs.wait(30.0)
+    hang.has_begun()
     feed(recorder, clock, recorded.samples(50), every=1000)  # returns
     recorder.close(timeout=0.01)  # so does this
     recorder.finish(stalled=0.01)  # and this
-    over.set()
-    recorder.close(30.0)
+    hang.release()
+    recorder.close(PATIENCE)
 
 
 @pytest.mark.live

@@ -150,20 +150,6 @@ def test_a_size_that_changes_is_refused(tmp_path):
         _ = Recording(recorded.write(tmp_path / "a.mcap", frames)).adc
 
 
-def test_of_two_skins_the_namespace_says_which(tmp_path):
-    path = tmp_path / "a.mcap"
-    writer, frames = Writer(path, {}, 0), recorded.samples(2)
-    for side, frame in zip(("left", "right"), frames, strict=True):
-        message = recorded.adc_image(frame, 7)
-        writer.write(f"/{side}/skin/adc", msg.Image, 7, cdr.encode(message))
-    writer.close()
-    np.testing.assert_array_equal(Recording(path, "right").adc, frames[1:])
-    with pytest.raises(FileError, match="there are: /left/skin/adc, /right/skin/adc"):
-        _ = Recording(path).adc
-    with pytest.raises(FileError, match="no topic /up/skin/adc"):
-        _ = Recording(path, "/up").adc
-
-
 def test_a_file_that_is_there_is_not_overwritten(tmp_path):
     path = tmp_path / "a.mcap"
     path.write_bytes(b"precious")

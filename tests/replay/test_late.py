@@ -3,15 +3,9 @@
 
 import numpy as np
 import pytest
+from support.bench import Bench
 
 from tactile_skin import Circuit, PressureCurve, forward
-from tactile_skin.middleware.bus import (
-    Context,
-    ManualClock,
-    Node,
-    Parameter,
-    SingleThreadedExecutor,
-)
 from tactile_skin.msg import Header, Image, Time, TimeReference, image
 from tactile_skin.nodes.compensation import Compensation
 from tactile_skin.recording import Recording, cdr, configuration
@@ -44,21 +38,17 @@ def write(path, without=()):
         scenes.finger(8, 8, 4.0, 3.5, 80.0, 3.0),
         scenes.finger(8, 8, 3.3, 4.1, 20.0, 1.2),
     )
-    clock, executor = ManualClock(START * 1e-9), SingleThreadedExecutor()
-    context = Context(clock)
-    given = [Parameter(name, value) for name, value in VALUES["/compensation"].items()]
-    node = Node("compensation", context=context, parameter_overrides=given)
-    compensation, observer = Compensation(node), Node("observer", context=context)
+    bench = Bench(START * 1e-9)
+    compensation = Compensation(bench.node("compensation", VALUES["/compensation"]))
+    observer = bench.node("observer")
     adc = observer.create_publisher(Image, "/skin/adc", 10)
     said = []
     for topic, kind in TOPICS.items():
         if topic != "/skin/adc":
             observer.create_tap(kind, topic, lambda m, topic=topic: said.append((now(), topic, m)))
-    for each in (node, observer):
-        executor.add_node(each)
 
     def now():
-        return clock.now().nanoseconds
+        return bench.clock.now().nanoseconds
 
     for k in range(round(SECONDS * 1e9) // FRAME):
         stamp = START + k * FRAME
@@ -71,9 +61,9 @@ def write(path, without=()):
         if k % LOST == LOST - 1:
             continue
         wait = rng.choice([0, 2_000_000, 15_000_000, 70_000_000], p=[0.5, 0.2, 0.2, 0.1])
-        clock.advance(max(0, stamp + int(wait) - now()) / 1e9)
+        bench.clock.advance(max(0, stamp + int(wait) - now()) / 1e9)
         adc.publish(message)
-        executor.spin_some()
+        bench.executor.spin_some()
     writer = Writer(path, configuration.attachments(VALUES), START)
     for t, topic, message in sorted(said, key=lambda entry: entry[0]):
         if topic not in without:

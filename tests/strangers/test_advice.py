@@ -48,18 +48,6 @@ def minus_baseline(dead: int, seconds: float = 30.0):
     return circuit, np.where(sent < dead, 0, sent), on & ((t - 8.0) % 6.0 > 0.5)
 
 
-@pytest.mark.parametrize("dead", [0, 400])
-@pytest.mark.parametrize("inverted", [False, True])
-@pytest.mark.parametrize("readout", ["loaded", "floating"])
-def test_nothing_to_enter_follows_from_readings_with_an_offset_taken_off(dead, inverted, readout):
-    circuit, samples, _ = minus_baseline(dead)
-    frames = samples / circuit.full_scale
-    frames = 1.0 - frames if inverted else frames
-    found = diagnose(frames, circuit.read_as(readout, "rows"), inverted=inverted)
-    assert [finding.kind for finding in found] == ["zeros"]
-    assert not any(f.change for f in found) and "set" not in str(found[0]).lower().split()
-
-
 @pytest.mark.parametrize(
     ("dead", "readout"),
     [

@@ -100,25 +100,6 @@ def test_what_nothing_reads_is_shown_and_no_file_is_written(make, tmp_path, monk
     assert not (tmp_path / "mine.yaml").exists()
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        ([], "give port:=NAME, or one FILE"),
-        (["a.bin", "port:=/dev/ttyUSB0"], "give port:=NAME, or one FILE"),
-        (["port:=/dev/ttyNONE0"], "does not exist"),
-        (["none.bin"], "none.bin"),
-        (["port:=loop://", "seconds:=0"], "must be from 0.5 to 60"),
-        (["port:=loop://", "rows:=8"], "give both, or none"),
-        (["port:=loop://", "bauds:=9600"], "did you mean 'baud'"),
-    ],
-)
-def test_a_mistake_is_one_line(words, said, capsys, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert main(["detect", *words]) == 2
-    error = capsys.readouterr().err
-    assert said in error and error.count("\n") == 1
-
-
 def test_an_old_file_is_not_overwritten(tmp_path, capsys):
     (tmp_path / "mine.yaml").write_text("mine")
     assert main(["detect", "port:=loop://", f"out:={tmp_path / 'mine.yaml'}"]) == 2

@@ -142,15 +142,18 @@ def test_a_file_says_what_was_done_to_it(tmp_path):
     assert any("not ADC readings: a ceiling at 500" in note for note in found.notes)
 
 
-@pytest.mark.parametrize("kind", ["an offset", "an offset and a ceiling", "each frame"])
+@pytest.mark.parametrize(
+    "kind", ["an offset", "an offset and a dead band", "an offset and a ceiling", "each frame"]
+)
 @pytest.mark.parametrize("inverted", [False, True])
-def test_the_doctor_names_no_setting_from_such_a_stream(kind, inverted):
+@pytest.mark.parametrize("readout", ["loaded", "floating"])
+def test_the_doctor_names_no_setting_from_such_a_stream(kind, inverted, readout):
     circuit, steps = board(35, "loaded")
     frames = DONE[kind][0](steps) / circuit.full_scale
     frames = 1.0 - frames if inverted else frames
-    (found,) = diagnose(frames, circuit.read_as("floating", "rows"), inverted=inverted)
+    (found,) = diagnose(frames, circuit.read_as(readout, "rows"), inverted=inverted)
     assert found.kind == "zeros" and found.change is None
-    assert "not ADC readings" in str(found)
+    assert "not ADC readings" in str(found) and "set" not in str(found).lower().split()
 
 
 def test_the_doctor_names_no_polarity_where_a_stream_is_mostly_at_its_ceiling():

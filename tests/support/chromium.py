@@ -9,11 +9,11 @@ import itertools
 import json
 import shutil
 import subprocess
-import time
 import urllib.request
 from pathlib import Path
 
-PATIENCE = 60.0  # s
+from support.patience import PATIENCE, until
+
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 
 
@@ -157,10 +157,3 @@ class Chromium:
     def picture(self) -> bytes:
         """A PNG of what is seen."""
         return base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])
-
-
-def until(happens, what: str) -> None:
-    end = time.monotonic() + PATIENCE
-    while not happens():
-        assert time.monotonic() < end, f"not within {PATIENCE:g} s: {what}"
-        time.sleep(0.05)

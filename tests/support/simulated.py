@@ -7,10 +7,10 @@ import threading
 
 import numpy as np
 
+from support.patience import PATIENCE
 from tactile_skin import Circuit, PressureCurve
 from tactile_skin.simulation import scenes, simulator
 
-PATIENCE = 30.0  # s, for what must happen; how fast it does is not tested
 CIRCUIT = Circuit(4, 5)  # small frames: little to compute
 
 

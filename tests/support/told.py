@@ -3,7 +3,7 @@
 
 import threading
 
-PATIENCE = 30.0  # s, for what must happen
+from support.patience import PATIENCE
 
 
 class Told:

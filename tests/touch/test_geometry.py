@@ -146,11 +146,6 @@ def test_a_table_that_is_wrong_is_refused_by_file_line_and_value(table, old, new
         table(TABLE.replace(old, new))
 
 
-def test_a_table_that_is_not_there_is_refused(tmp_path):
-    with pytest.raises(OSError, match=r"none\.csv"):
-        make_geometry("table", 2, 2, table=tmp_path / "none.csv")
-
-
 @pytest.mark.parametrize("rpy", [(0.0, 0.0, 0.0), (0.3, -1.2, 2.0), (3.0, 1.0, -2.0)])
 def test_roll_pitch_and_yaw_are_about_fixed_axes_in_turn(rpy):
     turned = make_geometry("sphere", 4, 5, rpy=rpy, translation=(1.0, 2.0, 3.0))

@@ -138,11 +138,6 @@ def test_background_that_is_pressed_harder_is_a_gesture_again():
     assert {g.id for g in named} == {1, 2}
 
 
-def test_background_that_has_left_is_forgotten():
-    named = played([*resting(STILL + 0.5), *nothing(0.5), *resting(0.5), *nothing(1.0)])
-    assert {g.id for g in named} == {1, 2}
-
-
 def test_a_noisy_skin_sees_less():
     frames = [*stroke(force=1.0), *nothing(1.0)]
     assert decisions(played(frames)) and not played(frames, std=1.0)

@@ -118,18 +118,6 @@ def answer(browser, text="", to=""):
     browser.run(CHANGE % text)
 
 
-@pytest.mark.slow  # CI runs the next one, which detects the board first
-def test_an_unknown_board_is_calibrated_in_the_page_alone(newcomer, tmp_path):
-    """To newtons within 5 % in the median; a step survives a reload of the page."""
-    browser, hands, work = newcomer
-    browser.click("button", "calibrate")
-    browser.until("!document.getElementById('question').hidden")
-    browser.call("Page.reload")
-    browser.until("document.readyState === 'complete' && document.getElementById('question')")
-    calibrated(browser, hands, tmp_path)
-    assert work.state()["task"] == ""
-
-
 @pytest.mark.ci
 def test_a_board_that_no_configuration_describes_is_detected_and_calibrated(tmp_path, fast):
     """It prints 12 x 12 numbers; the skin was launched for 16 x 16 in binary frames."""
