@@ -14,10 +14,7 @@ from tactile_skin.msg import (
     Vector3,
     Wrench,
     WrenchStamped,
-<<<<<<< HEAD
-=======
     cloud_columns,
->>>>>>> w-tests
     cloud_of,
 )
 from tactile_skin.nodes import diagnostics, now
@@ -45,19 +42,10 @@ class TwoSkins(Bench):
             StopOnPush(self.node("stop_on_push", namespace=name))
         self.body = Body(self.node("body", given))
         others = self.node("others")
-<<<<<<< HEAD
-        self._contacts = [
-            others.create_publisher(PointCloud2, f"/{name}/skin/contacts", 10) for name in NAMES
-        ]
-        self._wrenches = [
-            others.create_publisher(WrenchStamped, f"/{name}/skin/wrench", 10) for name in NAMES
-        ]
-=======
         self._contacts, self._wrenches = (
             [others.create_publisher(kind, f"/{name}/skin/{topic}", 10) for name in NAMES]
             for kind, topic in ((PointCloud2, "contacts"), (WrenchStamped, "wrench"))
         )
->>>>>>> w-tests
         value = KeyValue(diagnostics.UNKNOWN_SERIES, str(unknown))
         status = DiagnosticStatus(diagnostics.OK, "compensation", "ok", "", [value])
         for name in NAMES:
@@ -73,7 +61,7 @@ class TwoSkins(Bench):
     def publish(self, newton: float, peak: float) -> None:
         """One frame of each skin."""
         touch = (0.0, 0.0, 0.0, newton, 1e-3, peak, 1.0, 0.0, 0.0, 0.0, 1.0)
-        force = Wrench(Vector3(float(newton), 0.0, 0.0), Vector3())
+        force = Wrench(Vector3(-float(newton), 0.0, 0.0))
         for contacts, wrench in zip(self._contacts, self._wrenches, strict=True):
             contacts.publish(cloud_of(CONTACT, [touch] if newton else [], self.header()))
             wrench.publish(WrenchStamped(self.header(), force))
@@ -81,16 +69,7 @@ class TwoSkins(Bench):
     def lies_on_both(self, newton: float, peak: float) -> None:
         """For half a second."""
         for _ in range(50):
-<<<<<<< HEAD
-            touch = (0.0, 0.0, 0.0, newton, 1e-3, peak, 1.0, 0.0, 0.0, 0.0, 1.0)
-            touches = [touch] if newton else []
-            for contacts, wrench in zip(self._contacts, self._wrenches, strict=True):
-                contacts.publish(cloud_of(CONTACT, touches, self.header()))
-                force = Vector3(-newton, 0.0, 0.0)
-                wrench.publish(WrenchStamped(self.header(), Wrench(force)))
-=======
             self.publish(newton, peak)
->>>>>>> w-tests
             self.spin(0.01)
 
 
@@ -139,6 +118,6 @@ def test_a_body_that_lags_reads_the_newest_of_each_skin_and_no_older_ones():
         skins.publish(newton, newton)
     skins.spin()
     (message,) = wrenches
-    assert message.wrench.force.x == WAITING  # of the skin that comes first
+    assert message.wrench.force.x == -WAITING  # of the skin that comes first
     (message,) = contacts
     assert cloud_columns(message, "force")["force"].tolist() == [WAITING]
