@@ -17,6 +17,7 @@ from .tables import ABSENT, Found, Table, frames_of, number
 
 _SAMPLE = 200  # lines that tell the separator
 _BRACKETS = str.maketrans("[](){}", "      ")  # of arrays that were printed
+_ARROW = " -> "  # behind the time that the serial monitor of Arduino's IDE puts before a line
 _UNIT = re.compile(r"^[#\s]*units?\b[^:=]*[:=\s]\s*(.*)$", re.IGNORECASE)
 # Units that no ADC has, of systems that were calibrated.
 _PRESSURE = re.compile(r"n/(cm|mm|m)|k?pa$|mmhg|psi|kg|mbar|bar$|newton", re.IGNORECASE)
@@ -81,7 +82,7 @@ def _separator(lines: list[str]) -> str | None:
 
 
 def _words(line: str, separator: str | None) -> list[str]:
-    line = line.translate(_BRACKETS)
+    line = line.replace(_ARROW, separator or " ").translate(_BRACKETS)
     if separator is None:
         return line.split()
     quoted = '"' in line

@@ -39,6 +39,10 @@ AROUND = {  # line, its number -> as it is printed; and the interval that its ti
     "a word behind": (lambda words, k: f"{words},{['sit', 'stand'][k // 60 % 2]}", None),
     "both": (lambda words, k: f"{k},{words},{k // 50 % 4}", None),
     "ms in front": (lambda words, k: f"{120_000 + 50 * k},{words}", 0.05),
+    "the clock of a serial monitor": (
+        lambda words, k: f"{str(CLOCK + np.timedelta64(50 * k, 'ms'))[11:]} -> {words}",
+        0.05,
+    ),
     "us behind": (lambda words, k: f"{words},{1_700_000_000_000_000 + 50_000 * k}", 0.05),
     "ns behind": (lambda words, k: f"{words},{1_700_000_000_000_000_000 + 50_000_000 * k}", 0.05),
     "a date in front": (lambda words, k: f"{CLOCK + np.timedelta64(50 * k, 'ms')},{words}", 0.05),
