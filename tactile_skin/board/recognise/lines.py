@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..protocol import MAX_LINES
-from ..text import BEGINS, BLANKED, ENDS, LABEL, TextFormat, TextParser
+from ..text import BEGINS, BLANKED, ENDS, LABEL, TextFormat, TextParser, unescaped
 from .columns import FEW, STEADY, in_front, more_behind, more_in_front, roles
 from .seen import Seen
 
@@ -78,6 +78,7 @@ def _number(word: bytes) -> float:
 def _take_apart(line: bytes) -> _Line | None:
     """None where a line holds no number, or more that is none."""
     opens, closes = bool(BEGINS.match(line)), bool(ENDS.search(line))
+    line = unescaped(line)
     body = _TIME.sub(lambda time: b" ".join([b"~"] * len(time[0].split())), line.strip())
     body, checks = _CHECK.subn(b"", body)
     marks = list(_LABELS.finditer(body))
