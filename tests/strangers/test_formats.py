@@ -131,6 +131,32 @@ def test_a_class_behind_is_never_sure_to_be_a_reading(zeros, most):
     assert not recognise(boards.sent(boards.frame_a_line, still)).sure
 
 
+PER_FRAME = {  # what each line of a frame begins with, and what ends a frame
+    "a counter, and the row": (lambda k, row: f"{k},{row},", ""),
+    "a time, and the row": (lambda k, row: f"{3000 + 50 * k},{row},", "\n"),
+    "a counter": (lambda k, row: f"{k},", "\n"),
+    "a time": (lambda k, row: f"{3000 + 50 * k},", "--\n"),
+}
+
+
+@pytest.mark.parametrize("known", [None, SHAPE])
+@pytest.mark.parametrize("kind", PER_FRAME)
+def test_a_number_that_is_the_same_in_all_lines_of_a_frame_is_no_reading(kind, known):
+    front, behind = PER_FRAME[kind]
+
+    def rows(a, k) -> str:
+        lines = (f"{front(k, row)}{_joined(line)}\n" for row, line in enumerate(a))
+        return "".join(lines) + behind
+
+    right = pictures()
+    data = boards.sent(rows, right)
+    seen = recognise(data[37:], known)
+    assert seen.sure and seen.shape == SHAPE, seen
+    found = read(data[37:], seen)
+    np.testing.assert_array_equal(found, right[1 : 1 + len(found)])
+    assert len(found) >= len(right) - 3
+
+
 OTHERS = {  # what stands before a line's readings, what behind, and whether that shows
     "a number of the board": (lambda a, k: "7,", lambda a, k: "", True),
     "a number, then a time": (lambda a, k: f"7,{50 * k},", lambda a, k: "", True),

@@ -28,9 +28,13 @@ def _cycle(column: np.ndarray) -> int:
 
 
 def _rises(column: np.ndarray) -> bool:
-    """Whether a column is a time or a counter."""
+    """Whether a column is a time or a counter: of each line, or of frames of many lines."""
     steps = np.diff(column)
-    return bool(len(steps) >= FEW and (steps > 0).mean() >= STEADY)
+    at = np.flatnonzero(steps)
+    if len(at) < FEW or (steps[at] > 0).mean() < STEADY:
+        return False
+    lines = np.diff(at)  # of a frame
+    return bool((steps > 0).mean() >= STEADY or (lines == np.median(lines)).mean() >= STEADY)
 
 
 def roles(
