@@ -157,6 +157,15 @@ def test_a_number_that_is_the_same_in_all_lines_of_a_frame_is_no_reading(kind, k
     assert len(found) >= len(right) - 3
 
 
+@pytest.mark.parametrize("force", [False, True])
+@pytest.mark.parametrize("period", [2, 10])
+def test_a_counter_of_frames_that_begins_again_is_never_sure_to_count_rows(period, force):
+    right = pictures(60, force=force)
+    data = boards.sent(lambda a, k: f"{k % period},{_joined(a)}\n", right)
+    assert not recognise(data).sure
+    np.testing.assert_array_equal(read(data, recognise(data, SHAPE)), right[1:])
+
+
 OTHERS = {  # what stands before a line's readings, what behind, and whether that shows
     "a number of the board": (lambda a, k: "7,", lambda a, k: "", True),
     "a number, then a time": (lambda a, k: f"7,{50 * k},", lambda a, k: "", True),

@@ -23,9 +23,10 @@ _KINDS_SOUND = 0.9  # share of the blocks of lines that have the same size
 _NEGATIVE = 0.1  # share of the lines that hold a negative number: fewer are damaged
 _FEWEST_CELLS = 4  # of a frame that is sure: what a damaged stream leaves seems to have fewer
 # A row is so much more like that of the frame before than like the next row: where another kind of
-# line stands behind so many rows, and where nothing does.
+# line stands behind so many rows, where nothing does, and where lines are numbered.
 _LIKE_BEFORE = 0.7
 _LIKE_BEFORE_UNMARKED = 0.5
+_LIKE_BEFORE_NUMBERED = 0.9
 _SHOWN_LINES = 3  # lines of readings in a sample
 _TIME = re.compile(rb"(?:\d+-\d+-\d+[T ])?\d+:\d+:\d+(?:[.,]\d+)?|\d+-\d+-\d+")
 _MARK = re.compile(rb"^(?P<label>[^,;\t]*?(?:[:=]|->))(?P<rest>[^:=]*)$", re.DOTALL)
@@ -232,7 +233,12 @@ def _structure(lines, kind: tuple, end: bytes, shape: tuple[int, int] | None) ->
     if size and width == 1:
         return seen(f"a reading a line, with its number, {size[0]} a frame")
     if size:
-        return seen(f"a row a line, with its number: {size[0]} of {width}", (size[0], width))
+        # a counter of frames that begins again looks like the number of a row
+        next_to, below = _apart(values, 1), _apart(values, size[0])
+        named = bool(kind[0]) or (size[0], width) == shape
+        about = f"a row a line, with its number: {size[0]} of {width}"
+        differ = named or below < _LIKE_BEFORE_NUMBERED * next_to
+        return seen(about, (size[0], width), sure=sure and differ)
     if width == 1 != (shape or (0, 0))[1]:
         return seen(_SINGLE, None, "")
     blocks = _blocks(lines, kind)
