@@ -92,8 +92,12 @@ def in_front(values: np.ndarray) -> tuple[int, bool]:
 def more_in_front(values: np.ndarray, cells: int) -> tuple[int, bool]:
     """How many of the numbers that are more than the cells stand in front, and whether it shows.
 
-    Those in the middle are readings. Where no place or more than one is possible the others are
-    left out of the readings that differ most from these.
+    Those in the middle are readings. Where the numbers at no end, or at more than one, show that
+    they are none, those are left out that differ most from the middle.
+
+    Args:
+        values: (lines, n) numbers.
+        cells: of a frame; 0: unknown.
     """
     n = values.shape[1]
     others = n - cells
@@ -114,7 +118,7 @@ def more_in_front(values: np.ndarray, cells: int) -> tuple[int, bool]:
 
 
 def _is_none(column: np.ndarray, readings: np.ndarray) -> bool:
-    """Whether a column of numbers shows that it is no reading, as those beside it are."""
+    """Whether a column of numbers shows that it is no reading."""
     if _rises(column) or np.allclose(readings.sum(1), column):
         return True
     if (column == column[0]).all() and not (readings == readings[0]).all(0).any():
