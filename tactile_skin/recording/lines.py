@@ -17,9 +17,9 @@ from .tables import ABSENT, Found, Table, frames_of, number
 
 _SAMPLE = 200  # lines that tell the separator
 _BRACKETS = str.maketrans("[](){}", "      ")  # of arrays that were printed
-_COMMA = re.compile(r"\d[\d,]*,\d+")  # a number with commas, which mark decimals or
-_THOUSANDS = re.compile(r"[1-9]\d{0,2}(?:,\d{3})+")  # thousands, where smaller ones beside are
-_HUNDREDS = re.compile(r"\d{3}")  # printed without
+_COMMA = re.compile(r"\d[\d,]*,\d+")  # a number with commas: of decimals, or of thousands
+_THOUSANDS = re.compile(r"[1-9]\d{0,2}(?:,\d{3})+")  # may be one of thousands
+_HUNDREDS = re.compile(r"\d{3}")  # a number that has none where commas mark thousands
 _ARROW = " -> "  # behind the time that the serial monitor of Arduino's IDE puts before a line
 _UNIT = re.compile(r"^[#\s]*units?\b[^:=]*[:=\s]\s*(.*)$", re.IGNORECASE)
 # Units that no ADC has, of systems that were calibrated.

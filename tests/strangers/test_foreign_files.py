@@ -182,7 +182,7 @@ def test_minus_one_is_no_value(tmp_path, steps):
 def test_a_comma_in_a_number_marks_thousands_only_where_smaller_ones_have_none(
     form, separator, tmp_path
 ):
-    """1,234 beside 512 are 1234 steps, not 1.234; with 0,512 they are decimals."""
+    """1,234 among numbers such as 512 are 1234 steps, not 1.234; with 0,512 they are decimals."""
     right = np.random.default_rng(1).integers(90, 4000, (N, 8, 8))
     right = right if form == "{:,}" else right / 1000.0
     words = [[form.format(v).replace(".", ",") for v in f.ravel().tolist()] for f in right]

@@ -28,13 +28,19 @@ def _cycle(column: np.ndarray) -> int:
 
 
 def _rises(column: np.ndarray) -> bool:
-    """Whether a column is a time or a counter: of each line, or of frames of many lines."""
+    """Whether a column is a time or a counter."""
+    steps = np.diff(column)
+    return bool(len(steps) >= FEW and (steps > 0).mean() >= STEADY)
+
+
+def _rises_in_front(column: np.ndarray) -> bool:
+    """Whether a column is a time or a counter: of lines, or of frames of equally many lines."""
     steps = np.diff(column)
     at = np.flatnonzero(steps)
-    if len(at) < FEW or (steps[at] > 0).mean() < STEADY:
-        return False
+    if _rises(column) or len(at) < FEW:
+        return _rises(column)
     lines = np.diff(at)  # of a frame
-    return bool((steps > 0).mean() >= STEADY or (lines == np.median(lines)).mean() >= STEADY)
+    return bool(_rises(column[at]) and (lines == np.median(lines)).mean() >= STEADY)
 
 
 def roles(
@@ -72,7 +78,7 @@ def roles(
             first, size = int(column.min()), (n,)
         else:
             names.append("skip")
-            sure = sure and (_rises(column) or bool((column == column[0]).all()))
+            sure = sure and (_rises_in_front(column) or bool((column == column[0]).all()))
     return names, first, size, sure
 
 
@@ -83,7 +89,7 @@ def in_front(values: np.ndarray) -> tuple[int, bool]:
         place = roles(values[:, front : front + 2], 1)[2] if n - front >= 3 else ()
         if len(place) == 2:
             return front + 2, True
-        if not (_rises(values[:, front]) or _cycle(values[:, front])):
+        if not (_rises_in_front(values[:, front]) or _cycle(values[:, front])):
             break
         front += 1
     return front, not front or len(values) > _RISING
