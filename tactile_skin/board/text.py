@@ -3,13 +3,13 @@
 
 Readings are separated by commas, semicolons, tabs or spaces, one kind a line; runs of spaces count
 as one, and a separator may end the line. `nan`, `-`, or nothing between two separators stands for a
-crossing that was not read. Brackets in pairs, or at the ends of a line, and labels (a name, then a
-colon or an equals sign) are passed over. Decimals, as of a mean of several scans, keep their
-fraction.
+crossing that was not read. Brackets in pairs, or at the ends of a line, labels (a name, then a
+colon or an equals sign) and what a terminal obeys are passed over. Decimals, as of a mean of
+several scans, keep their fraction.
 
 A line holds a frame, a row or one reading. Where a row or a reading does not say which one it is
 (`{row}`, `{col}`, `{index}`), a frame begins behind a line that holds no readings, or with two
-opening brackets.
+opening brackets, or where a terminal is cleared.
 """
 
 from __future__ import annotations
@@ -36,10 +36,17 @@ LABEL = re.compile(rb'"?[A-Za-z_][\w .]*"?(?:\[\d+\])?[ \t]*[:=]')
 _OPEN, _CLOSE = b"[({<", b"])}>"
 BLANKED = bytes.maketrans(_OPEN + _CLOSE, b" " * 8)
 _AT_ENDS = re.compile(rb"^[\s\[({<]+|[\s\])}>]+(?=[,;\s]*$)")
-BEGINS = re.compile(rb"^[\s,]*[\[({][\s]*[\[({]")  # a frame of rows in brackets
+# A frame of rows in brackets, or one on a terminal that is cleared, or whose cursor goes home.
+BEGINS = re.compile(rb"^[\s,]*[\[({][\s]*[\[({]|^[\s]*\x1b\[[0-9;]*[HJf]")
+_ESCAPES = re.compile(rb"\x1b\[[0-9;?]*[A-Za-z]")  # what a terminal obeys: colours, clear, home
 ENDS = re.compile(rb"[\])}]\s*[\])}][,;\s]*$")
 _FIELD = re.compile(r"\{(row|col|index|skip|values)\}")
 _VALUES, _PLACES = "values", ("index", "row", "col")
+
+
+def unescaped(line: bytes) -> bytes:
+    """Return a line without what a terminal obeys and does not show."""
+    return _ESCAPES.sub(b"", line) if b"\x1b" in line else line
 
 
 def line(samples: np.ndarray) -> bytes:
@@ -155,6 +162,7 @@ class TextParser(Parser):
 
     def _line(self, line: bytes) -> list[Frame]:
         """Return the frame that a line completes, if any."""
+        opens, line = BEGINS.match(line), unescaped(line)
         match = self._pattern.fullmatch(line) if self._pattern else None
         numbers = None
         if len(line) <= self._longest and (match or not self._pattern):
@@ -173,7 +181,7 @@ class TextParser(Parser):
             return self._frame(steps)
         if self._placed:
             return self._place(steps, match.groupdict() if match else {})
-        before = self._border() if BEGINS.match(line) else []
+        before = self._border() if opens else []
         return before + self._follow(steps) + (self._border() if ENDS.search(line) else [])
 
     def _no_reading(self, line: bytes) -> list[Frame]:

@@ -7,7 +7,7 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any
 
-from ..board.recognise.lines import sides
+from ..board.recognise.columns import sides
 from ..board.recognise.listen import Heard
 from ..board.recognise.seen import Seen, shown
 from ..board.serial_port import identity
@@ -50,9 +50,7 @@ def conclude(
         about = seen.about or "neither text, nor packets that begin alike"
         say(f"not recognised: {about}.\ndocs/detect.md says how to describe it.")
         return ""
-    how = "sure" if seen.sure else "not sure: compare with the sketch"
-    rate = f", {found.rate:.0f} a second" if found.rate else ""
-    say(f"{seen.about}: {seen.protocol}, {seen.frames} frames at {found.baud} baud{rate} ({how})")
+    say(_recognised(found))
     board = identity(given.get("port", ""))[1:]  # on USB
     if board:
         say(f"USB board {board[-1]} at {given['port']}")
@@ -60,10 +58,21 @@ def conclude(
         wrong, cells = f"rows = {shape[0]}, cols = {shape[1]}", found.seen.cells
         raise ValueError(f"{wrong}: must be {cells} cells together, as a frame has")
     rows, cols = shape or _cells(found, ask)
+    if found.seen is not seen:  # the cells that were typed are not the numbers of a line
+        seen = found.seen
+        say(_recognised(found))
     answers = _answers(seen, given | {"rows": rows, "cols": cols}, ask)
     circuit = _circuit(seen, answers)
     say(f"{rows} x {cols} cells at {circuit['adc_bits']} bits, {answers['readout']}")
     return _text(found, answers, circuit, board)
+
+
+def _recognised(found: Heard) -> str:
+    """Return what the bytes were recognised as, and how sure that is."""
+    seen = found.seen
+    how = "sure" if seen.sure else "not sure: compare with the sketch"
+    rate = f", {found.rate:.0f} a second" if found.rate else ""
+    return f"{seen.about}: {seen.protocol}, {seen.frames} frames at {found.baud} baud{rate} ({how})"
 
 
 def _cells(found: Heard, ask: Ask) -> tuple[int, int]:

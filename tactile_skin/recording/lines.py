@@ -17,6 +17,10 @@ from .tables import ABSENT, Found, Table, frames_of, number
 
 _SAMPLE = 200  # lines that tell the separator
 _BRACKETS = str.maketrans("[](){}", "      ")  # of arrays that were printed
+_COMMA = re.compile(r"\d[\d,]*,\d+")  # a number with commas: of decimals, or of thousands
+_THOUSANDS = re.compile(r"[1-9]\d{0,2}(?:,\d{3})+")  # may be one of thousands
+_HUNDREDS = re.compile(r"\d{3}")  # a number that has none where commas mark thousands
+_ARROW = " -> "  # behind the time that the serial monitor of Arduino's IDE puts before a line
 _UNIT = re.compile(r"^[#\s]*units?\b[^:=]*[:=\s]\s*(.*)$", re.IGNORECASE)
 # Units that no ADC has, of systems that were calibrated.
 _PRESSURE = re.compile(r"n/(cm|mm|m)|k?pa$|mmhg|psi|kg|mbar|bar$|newton", re.IGNORECASE)
@@ -80,21 +84,31 @@ def _separator(lines: list[str]) -> str | None:
     return None
 
 
-def _words(line: str, separator: str | None) -> list[str]:
-    line = line.translate(_BRACKETS)
+def _point(lines: list[str], separator: str | None) -> str:
+    """Return what a comma within a number stands for: a point, or nothing, as of thousands."""
+    held = [line for line in lines if "," in line and (separator != "," or '"' in line)]
+    words = {word for line in held[:_SAMPLE] for word in _words(line, separator, ",")}
+    commas = [word for word in words if _COMMA.fullmatch(word)]
+    by_thousands = commas and all(_THOUSANDS.fullmatch(word) for word in commas)
+    return "" if by_thousands and any(_HUNDREDS.fullmatch(word) for word in words) else "."
+
+
+def _words(line: str, separator: str | None, point: str) -> list[str]:
+    line = line.replace(_ARROW, separator or " ").translate(_BRACKETS)
     if separator is None:
         return line.split()
     quoted = '"' in line
     words = next(csv.reader([line], delimiter=separator)) if quoted else line.split(separator)
-    return [w.strip().replace(",", ".") for w in words]
+    return [w.strip().replace(",", point) for w in words]
 
 
 def sort_lines(lines: list[str]) -> tuple[list[Line], list[Line]]:
     """Return lines of numbers, and the others, each with its run."""
     numeric, texts, run, apart = [], [], 0, True
     separator = _separator(lines[:_SAMPLE])
+    point = _point(lines, separator)
     for k, line in enumerate(lines, 1):
-        words = _words(line, separator) if line.strip() else []
+        words = _words(line, separator, point) if line.strip() else []
         numbers, text = _numbers(words)
         trails = bool(separator and words) and not words[-1]
         if not words or (text and text >= _TEXT * (len(words) - trails)):

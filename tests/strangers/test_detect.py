@@ -125,6 +125,21 @@ def test_cells_that_are_typed_are_looked_for_again_in_the_bytes(tmp_path, monkey
     np.testing.assert_array_equal(frames[0].samples, pictures[1] * 64)
 
 
+def test_what_is_no_reading_of_the_cells_that_were_typed_is_no_full_scale(
+    tmp_path, monkeypatch, capsys
+):
+    """Enter takes the value in brackets: that of an ADC of 14 bits would hide most of a force."""
+    pictures = np.random.default_rng(4).integers(20, 900, (30, 8, 8))
+    data = boards.sent(lambda a, k: "9999," + boards.frame_a_line(a, k), pictures)
+    (tmp_path / "bytes.bin").write_bytes(data)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.stdin", io.StringIO("8 x 8\nloaded\n35000\n\n"))
+    assert main(["detect", "bytes.bin"]) == 0
+    found = yaml.safe_load((tmp_path / "mine.yaml").read_text())
+    assert found["/**"]["ros__parameters"]["circuit"]["adc_bits"] == 10
+    assert "64 readings, 1 in front that are none: text, 29 frames" in capsys.readouterr().out
+
+
 def heard(folder, monkeypatch, *shape: int) -> None:
     """Write what a board of this shape sends to bytes.bin in this folder, and go there."""
     pictures = np.random.default_rng(4).integers(20, 900, (30, *shape))

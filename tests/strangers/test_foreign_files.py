@@ -39,6 +39,10 @@ AROUND = {  # line, its number -> as it is printed; and the interval that its ti
     "a word behind": (lambda words, k: f"{words},{['sit', 'stand'][k // 60 % 2]}", None),
     "both": (lambda words, k: f"{k},{words},{k // 50 % 4}", None),
     "ms in front": (lambda words, k: f"{120_000 + 50 * k},{words}", 0.05),
+    "the clock of a serial monitor": (
+        lambda words, k: f"{str(CLOCK + np.timedelta64(50 * k, 'ms'))[11:]} -> {words}",
+        0.05,
+    ),
     "us behind": (lambda words, k: f"{words},{1_700_000_000_000_000 + 50_000 * k}", 0.05),
     "ns behind": (lambda words, k: f"{words},{1_700_000_000_000_000_000 + 50_000_000 * k}", 0.05),
     "a date in front": (lambda words, k: f"{CLOCK + np.timedelta64(50 * k, 'ms')},{words}", 0.05),
@@ -171,3 +175,21 @@ def test_minus_one_is_no_value(tmp_path, steps):
     found = read_frames(tmp_path / "a.npy", CIRCUIT)
     assert np.isnan(found.values[:, 3, 4]).all() and np.isnan(found.values).sum() == N
     assert f"{N} numbers of -1: taken as not read" in found.notes
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize("form", ["{:,}", "{:.3f}"])
+def test_a_comma_in_a_number_marks_thousands_only_where_smaller_ones_have_none(
+    form, separator, tmp_path
+):
+    """1,234 among numbers such as 512 are 1234 steps, not 1.234; with 0,512 they are decimals."""
+    right = np.random.default_rng(1).integers(90, 4000, (N, 8, 8))
+    right = right if form == "{:,}" else right / 1000.0
+    words = [[form.format(v).replace(".", ",") for v in f.ravel().tolist()] for f in right]
+    quoted = [[f'"{word}"' for word in frame] for frame in words]
+    path = text(tmp_path / "a.csv", [separator.join(frame) for frame in quoted])
+    circuit = Circuit(8, 8, r_ref=10e3, r_par=140.0, adc_bits=12)
+    scale = {} if form == "{:,}" else {"full_scale": 4.095}
+    np.testing.assert_allclose(
+        read_frames(path, circuit, **scale).values, right * (1 if form == "{:,}" else 1000)
+    )

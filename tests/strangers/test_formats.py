@@ -131,6 +131,78 @@ def test_a_class_behind_is_never_sure_to_be_a_reading(zeros, most):
     assert not recognise(boards.sent(boards.frame_a_line, still)).sure
 
 
+PER_FRAME = {  # what each line of a frame begins with, and what ends a frame
+    "a counter, and the row": (lambda k, row: f"{k},{row},", ""),
+    "a time, and the row": (lambda k, row: f"{3000 + 50 * k},{row},", "\n"),
+    "a counter": (lambda k, row: f"{k},", "\n"),
+    "a time": (lambda k, row: f"{3000 + 50 * k},", "--\n"),
+}
+
+
+@pytest.mark.parametrize("known", [None, SHAPE])
+@pytest.mark.parametrize("kind", PER_FRAME)
+def test_a_number_that_is_the_same_in_all_lines_of_a_frame_is_no_reading(kind, known):
+    front, behind = PER_FRAME[kind]
+
+    def rows(a, k) -> str:
+        lines = (f"{front(k, row)}{_joined(line)}\n" for row, line in enumerate(a))
+        return "".join(lines) + behind
+
+    right = pictures()
+    data = boards.sent(rows, right)
+    seen = recognise(data[37:], known)
+    assert seen.sure and seen.shape == SHAPE, seen
+    found = read(data[37:], seen)
+    np.testing.assert_array_equal(found, right[1 : 1 + len(found)])
+    assert len(found) >= len(right) - 3
+
+
+@pytest.mark.parametrize("force", [False, True])
+@pytest.mark.parametrize("period", [2, 10])
+def test_a_counter_of_frames_that_begins_again_is_never_sure_to_count_rows(period, force):
+    right = pictures(60, force=force)
+    data = boards.sent(lambda a, k: f"{k % period},{_joined(a)}\n", right)
+    assert not recognise(data).sure
+    np.testing.assert_array_equal(read(data, recognise(data, SHAPE)), right[1:])
+
+
+OTHERS = {  # what stands before a line's readings, what behind, and whether that shows
+    "a number of the board": (lambda a, k: "7,", lambda a, k: "", True),
+    "a number, then a time": (lambda a, k: f"7,{50 * k},", lambda a, k: "", True),
+    "two that hold the scale of a plot": (lambda a, k: "min:0,max:1023,", lambda a, k: "", True),
+    "a temperature": (lambda a, k: f"{23.5 + k % 3},", lambda a, k: "", False),
+    "a counter of one digit": (lambda a, k: f"{k % 10},", lambda a, k: "", True),
+    "a time, and a temperature": (lambda a, k: f"{50 * k},", lambda a, k: f",{20.5 + k % 3}", True),
+    "a charge": (lambda a, k: f"{820 + k * k % 5},", lambda a, k: "", False),
+    "a charge at the end": (lambda a, k: "", lambda a, k: f",{820 + k * k % 5}", False),
+}
+
+
+@pytest.mark.parametrize("kind", OTHERS)
+def test_where_numbers_stand_that_are_none_is_seen_once_the_cells_are_known(kind):
+    """Taken off the wrong end, each reading would be that of the cell before it."""
+    front, behind, shows = OTHERS[kind]
+    right = pictures(60)
+    data = boards.sent(lambda a, k: f"{front(a, k)}{_joined(a)}{behind(a, k)}\n", right)
+    seen = recognise(data, SHAPE)
+    assert seen.sure == shows, seen
+    np.testing.assert_array_equal(read(data, seen), right[1:])
+
+
+@pytest.mark.parametrize("front", [True, False])
+@pytest.mark.parametrize("seed", [2, 5])
+def test_a_number_that_reads_as_the_cells_do_is_never_sure_to_be_none(front, seed):
+    """As the time since the last frame may."""
+    right = pictures(60, seed=seed)
+    usual = int(np.median(right))
+
+    def line(a, k) -> str:
+        other = str(usual + k * k % 3)
+        return ",".join([other, _joined(a)] if front else [_joined(a), other]) + "\n"
+
+    assert not recognise(boards.sent(line, right), SHAPE).sure
+
+
 @pytest.mark.parametrize("name", boards.PACKETS)
 def test_packets_are_recognised_and_read(name):
     right = pictures()

@@ -18,7 +18,7 @@ from .seen import Seen, shown
 
 _MANY = 64  # bytes that are enough to tell text from noise
 _STRANGE = 0.05  # of a text's bytes are no text, at least, where the baud rate is wrong
-_PRINTABLE = bytes(range(32, 127)) + b"\t\r\n"
+_PRINTABLE = bytes(range(32, 127)) + b"\t\r\n\x1b"
 _SAMPLE = 16_384  # bytes that a live message looks at
 BAUD = "is serial_driver.baud that of the board's sketch?"
 

@@ -15,23 +15,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..protocol import MAX_LINES
-from ..text import BEGINS, BLANKED, ENDS, LABEL, TextFormat, TextParser
+from ..text import BEGINS, BLANKED, ENDS, LABEL, TextFormat, TextParser, unescaped
+from .columns import FEW, STEADY, in_front, more_behind, more_in_front, roles
 from .seen import Seen
 
-FEW = 4  # whole frames, at least, in a sample that makes sure
 _KINDS_SOUND = 0.9  # share of the blocks of lines that have the same size
 _NEGATIVE = 0.1  # share of the lines that hold a negative number: fewer are damaged
 _FEWEST_CELLS = 4  # of a frame that is sure: what a damaged stream leaves seems to have fewer
-_STEADY = 0.95  # share of the steps of a counter that go up, or on by one
-_LONGEST_CYCLE = 4096  # cells of a frame
 # A row is so much more like that of the frame before than like the next row: where another kind of
-# line stands behind so many rows, and where nothing does.
+# line stands behind so many rows, where nothing does, and where lines are numbered.
 _LIKE_BEFORE = 0.7
 _LIKE_BEFORE_UNMARKED = 0.5
+_LIKE_BEFORE_NUMBERED = 0.9
 _SHOWN_LINES = 3  # lines of readings in a sample
-_RISING = 8  # lines from which on chance makes no number rise all the time
-_MOST_IN_FRONT = 3  # numbers in front of readings, or behind them, that are none
-_CLASSES = 12  # different values, at most, of a last number that may be a class
 _TIME = re.compile(rb"(?:\d+-\d+-\d+[T ])?\d+:\d+:\d+(?:[.,]\d+)?|\d+-\d+-\d+")
 _MARK = re.compile(rb"^(?P<label>[^,;\t]*?(?:[:=]|->))(?P<rest>[^:=]*)$", re.DOTALL)
 # Words, with numbers among them, and a blank in front of readings that other marks separate.
@@ -83,6 +79,7 @@ def _number(word: bytes) -> float:
 def _take_apart(line: bytes) -> _Line | None:
     """None where a line holds no number, or more that is none."""
     opens, closes = bool(BEGINS.match(line)), bool(ENDS.search(line))
+    line = unescaped(line)
     body = _TIME.sub(lambda time: b" ".join([b"~"] * len(time[0].split())), line.strip())
     body, checks = _CHECK.subn(b"", body)
     marks = list(_LABELS.finditer(body))
@@ -127,61 +124,6 @@ def _take_apart(line: bytes) -> _Line | None:
     doubt = doubt or (_GLUED if any(_GLUE.match(w) for w in around) else "")
     behind, between = len(words) - end, separator.decode()
     return _Line(text, lead, front, values, behind, between, check, opens, closes, doubt)
-
-
-# --- what a column of numbers does ---------------------------------------------------------------
-
-
-def _cycle(column: np.ndarray) -> int:
-    """How many numbers a column counts through, again and again from 0 or 1; 0: it does not."""
-    if np.isnan(column).any() or (column % 1).any():
-        return 0
-    low, high = column.min(), column.max()
-    size = int(high - low) + 1
-    if low not in (0, 1) or not 2 <= size <= _LONGEST_CYCLE or len(column) < size + 2:
-        return 0
-    steps = np.diff(column)
-    good = (steps == 1) | ((column[1:] == low) & (column[:-1] == high))
-    return size if good.mean() >= _STEADY else 0
-
-
-def _rises(column: np.ndarray) -> bool:
-    """Whether a column is a time or a counter."""
-    steps = np.diff(column)
-    return bool(len(steps) >= FEW and (steps > 0).mean() >= _STEADY)
-
-
-def _roles(lead: np.ndarray, readings: int) -> tuple[list[str], int, tuple[int, ...], bool]:
-    """Return what each number in front of the readings is.
-
-    Args:
-        lead: (lines, k) numbers.
-
-    Returns:
-        row, col, index or skip for each; the first number of a place; how many rows, or (rows,
-        cols), or cells they count; whether each is known.
-    """
-    k = lead.shape[1]
-    for a in range(k - 1 if readings == 1 else 0):
-        row, col = lead[:, a], lead[:, a + 1]
-        first = min(row.min(), col.min())
-        rows, cols = row.max() - first + 1, col.max() - first + 1
-        outer, inner = (row - first) * cols + col - first, (col - first) * rows + row - first
-        if first in (0, 1) and rows * cols in (_cycle(outer), _cycle(inner)) and cols > 1 < rows:
-            names = ["skip"] * k
-            names[a : a + 2] = "row", "col"
-            return names, int(first), (int(rows), int(cols)), True
-    names, sure, first = [], True, 0
-    size: tuple[int, ...] = ()
-    for column in lead.T:
-        n = _cycle(column)
-        if n and not size:
-            names.append("row" if readings > 1 else "index")
-            first, size = int(column.min()), (n,)
-        else:
-            names.append("skip")
-            sure = sure and (_rises(column) or bool((column == column[0]).all()))
-    return names, first, size, sure
 
 
 def _template(kind: tuple, lead: list[str], front: list[str], behind: int) -> str:
@@ -263,12 +205,14 @@ def _structure(lines, kind: tuple, end: bytes, shape: tuple[int, int] | None) ->
     chosen = [line for line in lines if line and line.kind == kind]
     lead = np.array([line.lead for line in chosen])
     values = np.array([line.values for line in chosen])
-    front, sure = (0, True) if kind[0] else _in_front(values)
-    numbers, values = np.hstack([lead, values[:, :front]]), values[:, front:]
-    names, first, size, known = _roles(numbers, values.shape[1])
+    front, sure = (0, True) if kind[0] else in_front(values)
     cells = shape[0] * shape[1] if shape else 0
-    behind, clear = (0, True) if size else _behind(values, cells)
-    values = values[:, : values.shape[1] - behind]
+    more, clear = more_in_front(values[:, front:], cells)
+    front += more
+    numbers, values = np.hstack([lead, values[:, :front]]), values[:, front:]
+    names, first, size, known = roles(numbers, values.shape[1], cells)
+    behind, ended = (0, True) if size else more_behind(values, cells)
+    clear, values = clear and ended, values[:, : values.shape[1] - behind]
     doubt = next((line.doubt for line in chosen if line.doubt), "")
     width, sure = values.shape[1], sure and known and clear and not doubt
     line = _template(kind, names[: lead.shape[1]], names[lead.shape[1] :], behind)
@@ -289,7 +233,12 @@ def _structure(lines, kind: tuple, end: bytes, shape: tuple[int, int] | None) ->
     if size and width == 1:
         return seen(f"a reading a line, with its number, {size[0]} a frame")
     if size:
-        return seen(f"a row a line, with its number: {size[0]} of {width}", (size[0], width))
+        # a counter of frames that begins again looks like the number of a row
+        next_to, below = _apart(values, 1), _apart(values, size[0])
+        named = bool(kind[0]) or (size[0], width) == shape
+        about = f"a row a line, with its number: {size[0]} of {width}"
+        differ = named or below < _LIKE_BEFORE_NUMBERED * next_to
+        return seen(about, (size[0], width), sure=sure and differ)
     if width == 1 != (shape or (0, 0))[1]:
         return seen(_SINGLE, None, "")
     blocks = _blocks(lines, kind)
@@ -319,48 +268,6 @@ def _structure(lines, kind: tuple, end: bytes, shape: tuple[int, int] | None) ->
     return seen(about, shape if width == cells else None, sure=sure)
 
 
-def _in_front(values: np.ndarray) -> tuple[int, bool]:
-    """How many numbers in front of a line are no readings, and whether that is sure."""
-    n, front = values.shape[1], 0
-    while front < min(_MOST_IN_FRONT, n - 1):
-        place = _roles(values[:, front : front + 2], 1)[2] if n - front >= 3 else ()
-        if len(place) == 2:
-            return front + 2, True
-        if not (_rises(values[:, front]) or _cycle(values[:, front])):
-            break
-        front += 1
-    return front, not front or len(values) > _RISING
-
-
-def _behind(values: np.ndarray, cells: int) -> tuple[int, bool]:
-    """How many numbers behind a line are no readings, and whether that is sure."""
-    n, last = values.shape[1], values[:, -1]
-    if n < 3:
-        return 0, True
-    if 0 < n - cells <= _MOST_IN_FRONT and cells:
-        return n - cells, all(_class(column) or _rises(column) for column in values[:, cells:].T)
-    if n == cells:
-        return 0, True
-    if _rises(last) or np.allclose(values[:, :-1].sum(1), last):
-        return 1, len(values) > _RISING
-    others = np.median(values[:, :-1], axis=0)
-    least = max(others[others > 0.0].min(initial=np.inf), _CLASSES)  # a quiet cell is seldom it
-    if not _class(last) or min(np.median(others), least) <= last.max():
-        return 0, True
-    return int(sides(n - 1)[0] * sides(n)[1] > sides(n)[0] * sides(n - 1)[1]), False
-
-
-def sides(cells: int) -> tuple[int, int]:
-    """Return the (rows, columns) of so many cells whose shape is nearest to a square."""
-    rows = next(n for n in range(int(cells**0.5), 0, -1) if cells % n == 0)
-    return rows, cells // rows
-
-
-def _class(columns: np.ndarray) -> bool:
-    """Whether the last numbers of lines are names of something: few different whole numbers."""
-    return bool((columns % 1 == 0).all() and len(np.unique(columns)) <= _CLASSES)
-
-
 def _scale(readings: np.ndarray) -> dict:
     numbers = np.unique(readings[~np.isnan(readings)])
     steps = np.diff(numbers)
@@ -382,5 +289,5 @@ def _proved(found: Seen, data: bytes, shape) -> Seen:
     parser = TextParser(rows, cols, 16, replace(found.format, full_scale=top))
     parser.feed(data)
     frames, corrupt = parser.counters.frames, parser.counters.corrupt
-    sure = found.sure and frames >= FEW and corrupt <= (1.0 - _STEADY) * frames + 1
+    sure = found.sure and frames >= FEW and corrupt <= (1.0 - STEADY) * frames + 1
     return replace(found, frames=frames, sure=sure, protocol="text" if frames else "")

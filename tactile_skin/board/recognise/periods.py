@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..packets import CHECKS, WORDS, PacketFormat, PacketParser, check_of
-from .lines import sides
+from .columns import sides
 from .seen import Seen
 
 _REPEATS = 6  # packets, at least, in a sample

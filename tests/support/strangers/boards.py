@@ -50,6 +50,12 @@ def row_a_line(a, k, separator="   ", behind="\r\n") -> str:
     return "".join(_joined(row, separator) + separator + "\r\n" for row in a) + behind
 
 
+def on_a_terminal(a, k) -> str:
+    """It is cleared, the cursor goes home, and what is pressed is red."""
+    lines = (_joined((f"\x1b[31m{v}\x1b[0m" if v > 400 else v for v in row), "\t") for row in a)
+    return "\x1b[2J\x1b[H" + "".join(f"{line}\r\n" for line in lines)
+
+
 def rows_under_a_heading(a, k) -> str:
     return f"Frame {k}\n" + "".join(_joined(row, "\t") + "\n" for row in a)
 
@@ -115,10 +121,10 @@ TEXT = {
     f.__name__: f
     for f in (
         frame_a_line, counter_in_front, time_and_class, bracketed, labelled, json_line, json_lines,
-        nested_json, row_a_line, rows_under_a_heading, rows_with_a_label, rows_with_a_number,
-        numpy_print, rows_with_a_word, clock_in_front, rows_with_a_hash, index_value,
-        row_col_value, cell_in_words, volts, millivolts, carriage_returns, angle_brackets,
-        status_lines,
+        nested_json, row_a_line, on_a_terminal, rows_under_a_heading, rows_with_a_label,
+        rows_with_a_number, numpy_print, rows_with_a_word, clock_in_front, rows_with_a_hash,
+        index_value, row_col_value, cell_in_words, volts, millivolts, carriage_returns,
+        angle_brackets, status_lines,
     )
 }  # fmt: skip
 

@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the columns of lines of numbers are: readings, places, times, counters, classes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+FEW = 4  # whole frames, at least, in a sample that makes sure
+STEADY = 0.95  # share of the steps of a counter that go up, or on by one
+_LONGEST_CYCLE = 4096  # cells of a frame
+_RISING = 8  # lines from which on chance makes no number rise all the time
+_MOST_IN_FRONT = 3  # numbers in front of readings, or behind them, that are none
+_CLASSES = 12  # different values, at most, of a last number that may be a class
+_BELOW = 4.0  # times that cells read at least what a class reaches, as recording.columns has it
+
+
+def _cycle(column: np.ndarray) -> int:
+    """How many numbers a column counts through, again and again from 0 or 1; 0: it does not."""
+    if np.isnan(column).any() or (column % 1).any():
+        return 0
+    low, high = column.min(), column.max()
+    size = int(high - low) + 1
+    if low not in (0, 1) or not 2 <= size <= _LONGEST_CYCLE or len(column) < size + 2:
+        return 0
+    steps = np.diff(column)
+    good = (steps == 1) | ((column[1:] == low) & (column[:-1] == high))
+    return size if good.mean() >= STEADY else 0
+
+
+def _rises(column: np.ndarray) -> bool:
+    """Whether a column is a time or a counter."""
+    steps = np.diff(column)
+    return bool(len(steps) >= FEW and (steps > 0).mean() >= STEADY)
+
+
+def _rises_in_front(column: np.ndarray) -> bool:
+    """Whether a column is a time or a counter: of lines, or of frames of equally many lines."""
+    steps = np.diff(column)
+    at = np.flatnonzero(steps)
+    if _rises(column) or len(at) < FEW:
+        return _rises(column)
+    lines = np.diff(at)  # of a frame
+    return bool(_rises(column[at]) and (lines == np.median(lines)).mean() >= STEADY)
+
+
+def roles(
+    lead: np.ndarray, readings: int, cells: int = 0
+) -> tuple[list[str], int, tuple[int, ...], bool]:
+    """Return what each number in front of the readings is.
+
+    Args:
+        lead: (lines, k) numbers.
+        readings: behind them in a line.
+        cells: of a frame, if that is known: no number of a line that holds one counts its rows.
+
+    Returns:
+        row, col, index or skip for each; the first number of a place; how many rows, or (rows,
+        cols), or cells they count; whether each is known.
+    """
+    k = lead.shape[1]
+    for a in range(k - 1 if readings == 1 else 0):
+        row, col = lead[:, a], lead[:, a + 1]
+        first = min(row.min(), col.min())
+        rows, cols = row.max() - first + 1, col.max() - first + 1
+        outer, inner = (row - first) * cols + col - first, (col - first) * rows + row - first
+        if first in (0, 1) and rows * cols in (_cycle(outer), _cycle(inner)) and cols > 1 < rows:
+            names = ["skip"] * k
+            names[a : a + 2] = "row", "col"
+            return names, int(first), (int(rows), int(cols)), True
+    names, sure, first = [], True, 0
+    size: tuple[int, ...] = ()
+    for column in lead.T:
+        n = _cycle(column)
+        if n and readings == cells > 1:
+            names.append("skip")
+        elif n and not size:
+            names.append("row" if readings > 1 else "index")
+            first, size = int(column.min()), (n,)
+        else:
+            names.append("skip")
+            sure = sure and (_rises_in_front(column) or bool((column == column[0]).all()))
+    return names, first, size, sure
+
+
+def in_front(values: np.ndarray) -> tuple[int, bool]:
+    """How many numbers in front of a line are no readings, and whether that is sure."""
+    n, front = values.shape[1], 0
+    while front < min(_MOST_IN_FRONT, n - 1):
+        place = roles(values[:, front : front + 2], 1)[2] if n - front >= 3 else ()
+        if len(place) == 2:
+            return front + 2, True
+        if not (_rises_in_front(values[:, front]) or _cycle(values[:, front])):
+            break
+        front += 1
+    return front, not front or len(values) > _RISING
+
+
+def more_in_front(values: np.ndarray, cells: int) -> tuple[int, bool]:
+    """How many of the numbers that are more than the cells stand in front, and whether it shows.
+
+    Those in the middle are readings. Where the numbers at no end, or at more than one, show that
+    they are none, those are left out that differ most from the middle.
+
+    Args:
+        values: (lines, n) numbers.
+        cells: of a frame; 0: unknown.
+    """
+    n = values.shape[1]
+    others = n - cells
+    if not (cells and 0 < others <= _MOST_IN_FRONT):
+        return 0, True
+    if n < 3 * others:
+        return 0, False
+    inner = values[:, others : n - others]
+    usual = np.median(inner)
+    found = []
+    for front in range(others + 1):
+        outside = np.delete(values, np.s_[front : front + cells], axis=1)
+        shows = [_is_none(column, inner) for column in outside.T]
+        far = float(np.abs(np.median(outside, axis=0) - usual).sum())
+        found.append((sum(shows), far, -front))
+    most, _, front = max(found)
+    return -front, most == others and sum(each[0] == others for each in found) == 1
+
+
+def _is_none(column: np.ndarray, readings: np.ndarray) -> bool:
+    """Whether a column of numbers shows that it is no reading."""
+    if _rises(column) or np.allclose(readings.sum(1), column):
+        return True
+    if (column == column[0]).all() and not (readings == readings[0]).all(0).any():
+        return True
+    if (column % 1).any() and not (readings % 1).any():
+        return True
+    return _class(column) and _BELOW * column.max() < np.median(readings, axis=0).min()
+
+
+def more_behind(values: np.ndarray, cells: int) -> tuple[int, bool]:
+    """How many numbers behind a line are no readings, and whether that is sure."""
+    n, last = values.shape[1], values[:, -1]
+    if n < 3:
+        return 0, True
+    if 0 < n - cells <= _MOST_IN_FRONT and cells:
+        return n - cells, True
+    if n == cells:
+        return 0, True
+    if _rises(last) or np.allclose(values[:, :-1].sum(1), last):
+        return 1, len(values) > _RISING
+    others = np.median(values[:, :-1], axis=0)
+    least = max(others[others > 0.0].min(initial=np.inf), _CLASSES)  # a quiet cell is seldom it
+    if not _class(last) or min(np.median(others), least) <= last.max():
+        return 0, True
+    return int(sides(n - 1)[0] * sides(n)[1] > sides(n)[0] * sides(n - 1)[1]), False
+
+
+def sides(cells: int) -> tuple[int, int]:
+    """Return the (rows, columns) of so many cells whose shape is nearest to a square."""
+    rows = next(n for n in range(int(cells**0.5), 0, -1) if cells % n == 0)
+    return rows, cells // rows
+
+
+def _class(columns: np.ndarray) -> bool:
+    """Whether the last numbers of lines are names of something: few different whole numbers."""
+    return bool((columns % 1 == 0).all() and len(np.unique(columns)) <= _CLASSES)
