@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from tactile_skin import Circuit, PressureCurve, forward
+from tactile_skin.health import skin as skin_module
 from tactile_skin.health.skin import Skin
 from tactile_skin.physics.adc import Adc
 from tactile_skin.physics.creep import Creep
@@ -125,6 +126,44 @@ def test_a_frame_of_a_slow_board_mixes_nothing_and_is_fitted_at_once():
     board.t += 0.08
     board.feel(PUSH)
     assert board.skin.fitted and board.skin.taken["fixed_point"] == 0
+
+
+@pytest.fixture
+def limit_after(monkeypatch):
+    """Return (intervals) -> the time limit [s] of the frame that follows them."""
+    limits = []
+
+    def compensate(*arguments, time_limit, **given):
+        limits.append(time_limit)
+        return idle
+
+    board = Board(time_limit=0.0)
+    board.feel(NOTHING)
+    idle = skin_module.compensate(np.full(CIRCUIT.shape, 0.05), CIRCUIT, CURVE)
+    monkeypatch.setattr(skin_module, "compensate", compensate)
+
+    def after(intervals):
+        for interval in intervals:
+            board.t += interval - FRAME
+            board.feel(NOTHING)
+        return limits[-1]
+
+    return after
+
+
+@pytest.mark.parametrize(
+    ("interval", "limit"), [(0.002, 0.05), (0.01, 0.05), (0.1, 0.2), (0.2, 0.4), (1.0, 0.5)]
+)
+def test_a_frame_may_take_two_of_the_board_within_what_a_push_may_wait(
+    limit_after, interval, limit
+):
+    assert limit_after([interval] * 100) == pytest.approx(limit, rel=0.01)
+
+
+def test_frames_that_come_at_once_may_take_as_long_as_those_before(limit_after):
+    """A computer that was busy takes them together; one gap makes no slow board, either."""
+    assert limit_after([*[0.1] * 100, 0.001]) == pytest.approx(0.18, abs=0.01)
+    assert limit_after([*[0.1] * 100, 1.0]) == pytest.approx(0.38, abs=0.03)
 
 
 @pytest.mark.parametrize("late", [False, True])
