@@ -101,6 +101,18 @@ def test_to_and_fro_by_more_than_a_hand_trembles_is_a_jump(share, odd):
     assert ("jumps" in found[-1]) == odd
 
 
+@pytest.mark.parametrize(("frames", "odd"), [(6, False), (4, True)])
+def test_no_finger_drums_more_than_twenty_times_a_second(frames, odd):
+    found = watch(one_cell(np.tile(np.repeat([5.0, 0.0], frames), 40)))
+    assert any("jumps" in text for text in found) == odd
+
+
+@pytest.mark.parametrize(("share", "odd"), [(0.017, True), (0.023, False)])
+def test_what_moves_by_more_than_noise_does_not_stand_still(share, odd):
+    found = watch(one_cell(5.0 * np.tile(np.repeat([1.0, 1.0 + share], 30), 5)))
+    assert any("alone has read a constant" in text for text in found) == odd
+
+
 @pytest.mark.parametrize(("newtons", "odd"), [(0.13, False), (0.17, True)])
 def test_less_than_a_touch_is_no_odd_cell(newtons, odd):
     assert bool(watch(one_cell(np.tile([newtons, 0.0], 50)))[-1]) == odd
@@ -168,6 +180,11 @@ def test_one_of_a_few_frames_is_named_in_time():
     cells = odd_cells()
     assert not set_aside(cells, [AT, *[None] * 24] * 4)
     assert set_aside(cells, [AT, *[None] * 24] * 20, 1.0)
+
+
+@pytest.mark.parametrize(("frames", "bad"), [(80, False), (57, True)])
+def test_three_times_in_two_seconds_for_long_is_a_bad_contact(frames, bad):
+    assert bool(set_aside(odd_cells(), [AT, *[None] * (frames - 1)] * (6000 // frames))) == bad
 
 
 def test_what_a_touch_sets_aside_as_it_comes_is_not():

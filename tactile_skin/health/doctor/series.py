@@ -76,9 +76,9 @@ def shows(seen: Recorded, name: str) -> bool:
         return False
     if name == "r_drive":
         return found.std[name] <= _DRIVE_KNOWN
-    # One that is off by half must be `BEYOND`: where an r_ref that is 3 to 10 times too high was not
-    # named the deviation is 1.7 times as much and more; on sound boards with enough touches it is
-    # less (12 boards of 8 x 8 and 12 x 10 cells, 3 to 45 N).
+    # One that is off by half must be `BEYOND`: where an r_ref that is 3 to 10 times too high was
+    # not named the deviation is 1.7 times as much and more; on sound boards with enough touches it
+    # is less (12 boards of 8 x 8 and 12 x 10 cells, 3 to 45 N).
     return BEYOND * found.std[name] <= 0.5 * series_scale(seen.circuit)
 
 
