@@ -38,6 +38,7 @@ _DENSE = 600  # unknowns up to which a Cholesky factor is faster than conjugate 
 # Of x that such gradients suppose of a cell at least: one that was not read and bears nothing has
 # none of its own: the readings of others determine it.
 _LEAST_CURVATURE = 1.0
+_MEMORY = 4  # last costs, of which a step must not exceed the largest: a bound met costs at first
 _UNCHANGED = 2.2  # standard deviations of chi^2 up to which a frame is that of the same load
 _ANOTHER = 1.3  # times the force of a lighter picture from which on a heavier one is another
 _WIDEN = 1.2  # what the measured coverage requires; not of loads on all cells
@@ -195,16 +196,18 @@ def _converge(
     reading: Reading, point: Point, broad: bool, warm: bool
 ) -> tuple[Point, _Step, int, bool]:
     """Gauss-Newton from a point: the last point and step, their number, whether that is the end."""
+    costs = [point.cost]
     iterations, settled = 0, False
     while iterations < MAX_STEPS:
         iterations += 1
         step = _gauss_newton(reading, point)
         if not step.solved:
             break
-        before, point = point.cost, _descend(reading, point, step, broad)
+        point = _descend(reading, point, step, broad, max(costs[-_MEMORY:]))
+        costs.append(point.cost)
         # What is left to gain is the error of the quadratic's prediction. A load on the whole skin
         # is tested by its cost, and is therefore fitted to the end.
-        left = 2.0 * abs(before - point.cost - step.gain)
+        left = 2.0 * abs(costs[-2] - costs[-1] - step.gain)
         settled = step.gain < _SETTLED or (
             left < _SETTLED and not broad and (warm or _gain_alone(reading, point) < _ALONE)
         )
@@ -305,14 +308,14 @@ def _conjugate_gradients(point: Point, between, free: np.ndarray, b: np.ndarray)
     return conjugate_gradients(product, lambda r: r / diagonal, b)
 
 
-def _descend(reading: Reading, point: Point, step: _Step, broad: bool) -> Point:
-    """Take the step, or as much of it as costs no more than the old point; that if none does."""
+def _descend(reading: Reading, point: Point, step: _Step, broad: bool, ceiling) -> Point:
+    """Take the step, or as much of it as stays below `ceiling`; the old point if none does."""
     if not step.free.size:
         return point
     dx = step.dx
     for _ in range(6):
         new = Point(reading, point.stepped(step.free, dx), broad)
-        if new.cost <= point.cost:
+        if new.cost <= ceiling:
             return new
         dx = 0.4 * dx
     return point

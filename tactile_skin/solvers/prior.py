@@ -26,6 +26,7 @@ _BROAD = 0.1  # share of the cells at rest below which the whole skin is loaded
 # scans of 8x8 and 16x16 cells of all readouts (seed 555).
 _ALIKE = 0.55
 _MOST_FALL = -0.9  # of a cell's conductance, by which a step may change it
+_MOST_RISE = 3.0  # the same
 # The last step, `with_neighbours`.
 _STEPS = 3  # at most; one nearly always
 
@@ -188,7 +189,7 @@ class Point:
 
         It is taken in g: the readings are closer to linear in g than in log g.
         """
-        change = np.maximum(dx, _MOST_FALL) * self.gx.ravel()[cells]
+        change = np.minimum(np.maximum(dx, _MOST_FALL), _MOST_RISE) * self.gx.ravel()[cells]
         low, high = (bound.ravel()[cells] for bound in self._bounds)
         g = self.model.g.copy()
         flat = g.reshape(-1)
