@@ -29,8 +29,8 @@ LINE_FALL = 0.05  # the least that may hide a push
 # Times the median deviation of its cells, over the root of their number, by which a line's median
 # may differ: four standard deviations.
 _MOST_DEVIATIONS = 6.0
-_ALIKE = 0.1  # squared difference over the usual one, at most
-_NOISE = 3.0  # times what noise explains of a squared difference
+ALIKE = 0.1  # squared difference over the usual one, at most
+OF_NOISE = 3.0  # times what noise explains of a squared difference
 _NEAR_WHOLE = 0.01  # ADC steps off a whole one,
 _WHOLE = 0.3  # and share of readings that may be so near to it
 
@@ -55,7 +55,7 @@ def equal_lines(steps: np.ndarray, noise: float, cells: np.ndarray) -> list[tupl
             continue
         square = (np.square(values[one] - values[other]) * both).sum(1) / n
         usual = float(np.median(square))
-        if usual * _ALIKE < by_noise:  # those of a simulated fabric may not differ
+        if usual * ALIKE < by_noise:  # those of a simulated fabric may not differ
             continue
         # the smoother the fabric, the fewer of its cells are independent of those beside them
         across = np.square(np.diff(values, axis=1))[beside].mean()
@@ -65,7 +65,7 @@ def equal_lines(steps: np.ndarray, noise: float, cells: np.ndarray) -> list[tupl
             """Return the mean square of n cells below which it is noise, and no chance."""
             # of normal differences the sum of n squares is chi^2, whose small values are rare
             by_chance = gammaincinv(free * n, _CHANCE / (2.0 * pairs)) / (free * n)
-            return np.minimum(np.minimum(by_chance, _ALIKE) * usual, _NOISE * by_noise)
+            return np.minimum(np.minimum(by_chance, ALIKE) * usual, OF_NOISE * by_noise)
 
         equal = square < most(n)
         # Lines that differ in some address bits only show it together more surely than each pair,
@@ -76,7 +76,7 @@ def equal_lines(steps: np.ndarray, noise: float, cells: np.ndarray) -> list[tupl
             near = (distance <= distance[group].max(initial=0)) & ~group
             if np.count_nonzero(group) > 1 and near.any():
                 mean = np.average(square[group], weights=n[group])
-                if mean < min(most(n[group].sum()), _ALIKE * np.median(square[near])):
+                if mean < min(most(n[group].sum()), ALIKE * np.median(square[near])):
                     equal |= group
         pairs = zip(one[equal].tolist(), other[equal].tolist(), strict=True)
         found += [(axis, *pair) for pair in pairs]

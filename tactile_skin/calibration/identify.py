@@ -23,6 +23,7 @@ import numpy as np
 from ..physics.circuit import Circuit
 from ..solvers.evidence import HARD, SOFT, Evidence, Supposed, series_scale
 from ..solvers.reading import ROUNDING_NOISE
+from ..solvers.suspect import BEYOND
 from .rest import Rest, check_frames, mask_of, supposing
 
 # Standard deviations between what is found with HARD and with SOFT from which on rims are soft: 2.5
@@ -35,11 +36,10 @@ _DONE = 0.2  # standard deviations by which the last round moved
 # ohm, a 74HC595's 20 to 70.
 _PRIOR = {"r_par": 0.2, "r_line": 8.0, "r_drive": 50.0}
 TOLD = {"r_par": 0.03, "r_line": 4.0, "r_drive": 4.0}  # the same, below which it is told
-# What is supposed of r_par is off so evidently, by `SURE` and this share of what is found, that a
+# What is supposed of r_par is off so evidently, by `BEYOND` and this share of what is found, that a
 # rough value is better; soft rims alone make it 20 % too high.
 _FAR = 0.5
 FEWEST = 3  # frames; with fewer one odd touch decides
-SURE = 5.0  # standard deviations by which the configuration must be wrong
 SHELF = 4  # readings of touches at the same largest height: the converter's end
 
 
@@ -261,7 +261,7 @@ def _identified(circuit: Circuit, solution: Solution, ended: int) -> Identified:
     limits = np.array([r_par * series_scale(circuit), other])
     told = std < limits
     there = series_scale(shifted(circuit, off))
-    told[0] |= abs(off[0]) > max(SURE * std[0], _FAR * there)
+    told[0] |= abs(off[0]) > max(BEYOND * std[0], _FAR * there)
     readout = circuit.readout_class
     if ideal := not (readout.knows_r_line or readout.knows_r_drive):
         told[1] = False

@@ -19,7 +19,7 @@ from ..findings.finding import Finding, Kind, largest
 from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
 from ..physics.readouts import apparent
-from ..solvers.reading import MAX_NOISE, SCAN_NOISE, rest_reading
+from ..solvers.reading import FEW, MAX_NOISE, SCAN_NOISE, rest_reading
 from ..solvers.suspect import BEYOND
 from .at_rest import odd_cell, one_voltage, weak_line, which_are_one
 from .rest import resting_conductance
@@ -38,7 +38,6 @@ _TRIES = 5  # measurements that held a touch, or seemed to, after which to say s
 _OF_CHANGES = np.pi**0.5 / 2  # standard deviation over the mean change of one to the next, normal
 _WINDOW = 1.0  # s that a measurement takes, and that a fabric recovers for after a touch
 _QUIET_AFTER = 0.1  # s without a touch that must follow it: an onset is too weak to feel
-_MIN_FRAMES = 8  # frames that it takes
 _GAIN = 0.5  # share of the change, of the rest and of its noise, that a later measurement adds
 # Changes of log conductance that are no fabric's, chosen on simulated boards (tests/calibration;
 # bench faults): of all cells from what is known, and besides in each second, as a robot's cover
@@ -90,7 +89,7 @@ class Tare:
         """Suppose the same readings at rest, of another circuit; ValueError: no skin reads so."""
         before = 1.0 / self.curve.rest_resistance
         adc = rest_reading(self._circuit, self.curve)
-        now = resting_conductance(adc, circuit, SCAN_NOISE / _MIN_FRAMES**0.5)
+        now = resting_conductance(adc, circuit, SCAN_NOISE / FEW**0.5)
         cells = circuit.populated
         self.curve = self.curve.resting_at(np.where(cells, 1.0 / np.where(cells, now, 1.0), 1.0))
         if self._first is not None:
@@ -133,7 +132,7 @@ class Tare:
         if t >= self._after and t not in self._times[-1:]:  # a clock may stand still
             self._times.append(t)
             self._frames.append(adc)
-            many = len(self._times) > _MIN_FRAMES
+            many = len(self._times) > FEW
             if many and t - self._times[0] >= _WINDOW + _QUIET_AFTER:
                 after = int(np.count_nonzero(np.array(self._times) > t - _QUIET_AFTER))
                 window = _Window(np.array(self._frames), after, self._circuit)

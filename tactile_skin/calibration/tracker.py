@@ -21,10 +21,10 @@ from ..solvers.evidence import (
     series_scale,
 )
 from ..solvers.reading import rest_reading, rounding_left
+from ..solvers.suspect import BEYOND
 from .identify import (
     CONTRADICTION,
     FEWEST,
-    SURE,
     TOLD,
     Solution,
     names,
@@ -237,7 +237,7 @@ class CircuitTracker:
         """Whether what the touches say together is another circuit than `circuit`."""
         found, latest = self._solve(list(self._asked)), list(self._asked)[-_LATEST:]
         now = self._solve(latest)
-        changed = np.abs(now.off - found.off) > SURE * np.hypot(now.std, found.std)
+        changed = np.abs(now.off - found.off) > BEYOND * np.hypot(now.std, found.std)
         if changed.any():
             self._asked, found = deque(latest, _KEPT), now
         off, information, std, _ = found
@@ -253,7 +253,7 @@ class CircuitTracker:
             off = np.array([self._adopted[0], max(off[1] + told, -self._configured.r_drive)])
         change = off - self._adopted
         # the two vary together: what one touch takes for stripes another takes for r_par
-        sure = _REFINED if self._adopted.any() else SURE
+        sure = _REFINED if self._adopted.any() else BEYOND
         if not (np.abs(change) > relevant).any() or change @ information @ change < sure**2:
             return False
         if np.median([self._chi2(a, off) for a in self._asked]) > _EXPLAINED:

@@ -6,12 +6,13 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import maximum_filter
 
+from ..calibration.touched import TOUCHED
 from ..findings.finding import Finding, Kind, at, largest
 from ..physics.adc import Adc
 from .check import Check, Seen
 
-_STEP = 0.15  # of a cell's force, that it gains or loses as it jumps, or is let go; and
-_LEAST = 0.3  # N
+# Of a cell's force, that it gains or loses as it jumps, or is let go: `TOUCHED` at least.
+_STEP = 0.15
 _ALONE = 0.3  # of the change, or of the force: its neighbours have less
 _MEMORY = 1.0  # s for which a stuck cell stands still, and a count of reversals falls by 1/e,
 _JUMPS = 20.0  # and reversals that make a cell one that jumps: no finger drums so
@@ -19,7 +20,6 @@ _JUMPS = 20.0  # and reversals that make a cell one that jumps: no finger drums 
 # that comes or goes sets one aside up to 6 times in a row (8 x 8, seed 33201).
 _CONTACT_MEMORY = 10.0
 _SET_ASIDE = 15.0
-_OVER = 0.25  # of these counts, that ends it
 # Of its force, by which noise alone moves the mean of a look; a hand trembles more (3 % RMS in the
 # tests). In a second a trembling force stays within it by chance once in some 10,000 times.
 _STEADY = 0.02
@@ -32,17 +32,20 @@ class Often:
 
     Attributes:
         count: (rows, cols) times.
-        cells: (rows, cols) bool, where it happens often.
     """
 
     def __init__(self, shape, memory: float, limit: float):
         self._memory, self._limit = memory, limit
-        self.count, self.cells = np.zeros(shape), np.zeros(shape, bool)
+        self.count = np.zeros(shape)
 
     def add(self, times, elapsed: float) -> None:
         """Count `times` (rows, cols) after so many seconds."""
         self.count = self.count * np.exp(-max(elapsed, 0.0) / self._memory) + times
-        self.cells = self.count > self._limit * np.where(self.cells, _OVER, 1.0)
+
+    @property
+    def cells(self) -> np.ndarray:
+        """(rows, cols) bool, where it happens often."""
+        return self.count > self._limit
 
 
 class OddCells(Check):
@@ -69,11 +72,11 @@ class OddCells(Check):
         if not 0.0 < elapsed < _MEMORY:
             step, self._since[:] = np.zeros(force.shape), np.inf
         high = np.maximum(force, before)
-        if high.max() < _LEAST:  # nothing touches: the usual case
+        if high.max() < TOUCHED:  # nothing touches: the usual case
             self._reversals.add(0.0, elapsed)
             self._since[:], self._stuck[:] = np.inf, False
             return
-        jumps = np.abs(step) > np.maximum(_LEAST, _STEP * high)
+        jumps = np.abs(step) > np.maximum(TOUCHED, _STEP * high)
         jumps &= _around(np.abs(step)) < _ALONE * np.abs(step)
         self._reversals.add(jumps & (np.sign(step) == -self._way), elapsed)
         self._way = np.where(jumps, np.sign(step), self._way)
@@ -99,7 +102,7 @@ class OddCells(Check):
         off = np.abs(force - self._stood_at)
         self._stuck &= off <= _STEP * self._stood_at
         moved = off > _STEADY * self._stood_at
-        alone = (force > _LEAST) & (_around(force) < _ALONE * force)
+        alone = (force > TOUCHED) & (_around(force) < _ALONE * force)
         self._stood_at = np.where((moved | ~alone) & ~self._stuck, force, self._stood_at)
         self._since = np.where(~alone, np.inf, np.where(moved, t, np.minimum(self._since, t)))
         self._stuck |= t - self._since >= _MEMORY

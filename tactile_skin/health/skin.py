@@ -27,7 +27,6 @@ from .monitor import Monitor
 
 _LEARNED = "cnn", "physics"  # methods that use weights: they know the circuit of their training
 _BOUNDED = "map", "auto"  # methods that take a reading as a bound, and do without one
-_RESTART_AFTER = 4  # suspect or failed frames in a row after which the last one is no start
 # The time limit of a frame, if none is given: so many of the board's frames, which may wait while
 # one is solved; 0.05 s is what a fit of 16 x 16 cells takes on a slow computer.
 _FRAMES = 2.0
@@ -96,7 +95,6 @@ class Skin:
         self._monitor = Monitor(adc, threshold)
         self._last: Estimate | None = None  # the last frame: where the next starts from
         self._rested = -np.inf  # s, of the last frame in which nothing touched
-        self._doubts = 0  # frames in a row
         self._ended = 0  # readings of the last frame at the end of the ADC's range
         self._ended_at = -np.inf  # s, of the last frame in which some were
         self.waits = follows
@@ -148,12 +146,8 @@ class Skin:
             return None
         self._rested = t if estimate.method == "rest" else self._rested
         self.fitted = estimate.method != "fixed_point" or self._method != "auto"
-        # A touch that comes or goes leaves a few suspect frames, as the board's low-pass mixes
-        # scans: they are close to the truth. More in a row may be a bad local fit: start anew,
-        # unless the fault is known.
-        in_doubt = estimate.status != "ok" and self.fitted
-        self._doubts = self._doubts + 1 if in_doubt else 0
-        self._last = estimate if self._doubts < _RESTART_AFTER else None
+        # what is in doubt may be a bad local fit
+        self._last = None if self.fitted and estimate.status != "ok" else estimate
         self.taken[str(estimate.method)] += 1
         self.status, self.message = str(estimate.status), str(estimate.message)
         self._doubt = estimate.finding if isinstance(estimate.finding, Finding) else None

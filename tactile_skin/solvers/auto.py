@@ -13,11 +13,7 @@ from .fixed_point import fixed_point
 from .map import map_estimate
 from .newton import EXACT, newton
 from .reading import Reading, check_reading, rest_reading, robust_std
-from .suspect import by_residual, estimate_from_force
-
-# By how much the readings of an untouched skin may differ from rest: standard deviations of noise,
-# which one reading in 150,000 exceeds by chance.
-_IDLE_PEAK = 4.5
+from .suspect import BEYOND, by_residual, estimate_from_force
 
 
 def auto(reading: Reading, start: Estimate | None = None, hurry: bool = False) -> Estimate:
@@ -48,7 +44,7 @@ def auto(reading: Reading, start: Estimate | None = None, hurry: bool = False) -
 def _idle_estimate(reading: Reading, rest: np.ndarray) -> Estimate | None:
     """Return the estimate of an untouched skin if this is one, else None."""
     misfit = reading.misfit(rest)
-    most = max(_IDLE_PEAK * reading.noise, EXACT * reading.circuit.full_scale)
+    most = max(BEYOND * reading.noise, EXACT * reading.circuit.full_scale)
     if max(misfit.max(), -misfit.min()) > most or (reading.noise and by_residual(reading, rest)):
         return None
     read = (reading.informative | ~reading.circuit.populated).tobytes()

@@ -20,6 +20,7 @@ from ..physics import laplacian, lines, readouts
 from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
 from .fixed_point import MAX_STEPS, fill, first_guess, iterate
+from .newton import RIDGE
 from .reading import OUTLIER, Linearised, check_reading
 
 # Times its conductance at rest from which on a cell is evidently touched: noise is far below, even
@@ -44,7 +45,6 @@ _EXPLAINED = 30.0
 MODEL = 0.0005
 MIN_SCALE = 0.15  # of r_ref: what a board's r_par may be where none is configured
 _MOST_PARTS = 300.0  # ohm, the same whatever r_ref is: two CD4051 have 250 at 5 V, and more below
-_RIDGE = 1e-5  # of the touched cells' precision: the readings may not determine all of them
 _CUT_OFF = 3.0  # ADC steps from the converter's ends within which a reading's noise is cut off
 _STEPS = 6  # of Levenberg and Marquardt, a frame and search of touched cells; the next goes on
 _SETTLED = 0.5  # gain in chi^2 of a step that is the last
@@ -70,7 +70,7 @@ def past(columns: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
         jacobian: (readings, n) d model / d x of the unknowns, x = log of a conductance.
     """
     precision = jacobian.T @ jacobian
-    precision.reshape(-1)[:: len(precision) + 1] *= 1.0 + _RIDGE
+    precision.reshape(-1)[:: len(precision) + 1] *= 1.0 + RIDGE
     return columns - jacobian @ solve(precision, jacobian.T @ columns)
 
 

@@ -35,8 +35,9 @@ _ROUNDS = 2  # in which the unknowns of a step are found
 # another measure than ADC steps. 2 in 1,000 exceed 2, 1 in 10,000 exceeds 2.5.
 _SLACK = 2.2
 _DENSE = 400  # unknowns up to which a Cholesky factor is faster than conjugate gradients
-# Share of its diagonal by which a matrix that is singular to single precision is made regular:
-_RIDGE = 1e-5  # near a bound of the curve's range
+# Share of its diagonal by which a matrix that is singular to single precision is made regular: near
+# a bound of the curve's range, or where readings do not determine all of the touched cells.
+RIDGE = 1e-5
 # Share of its right side that such a step of a noisy reading leaves: how many steps there are is
 # decided by which cells are at rest.
 _LEFT = 0.1
@@ -192,6 +193,6 @@ def _step_solver(reading: Reading, network, g: np.ndarray, free: np.ndarray):
         factor, info = lapack.spotrf(matrix.T, lower=0, clean=0)
         if not info:
             return lambda b: right * lapack.spotrs(factor, left * b)[0]
-        matrix.flat[:: free.size + 1] *= 1.0 + _RIDGE
+        matrix.flat[:: free.size + 1] *= 1.0 + RIDGE
     factor, pivots, _ = lapack.sgetrf(matrix.T, overwrite_a=True)  # of the transposed
     return lambda b: right * lapack.sgetrs(factor, pivots, left * b, trans=1)[0]

@@ -49,6 +49,18 @@ def test_half_of_the_last_frames_are(skin):
     assert skin.feel(0.5, suspect=True, touched=True).index(True) == 9
 
 
+def test_a_fault_of_frames_in_turn_ends_below_a_quarter_of_them(skin):
+    """Frames at rest of which each third is in doubt begin no fault, and end none."""
+    assert not any(any(skin.feel(FRAME, suspect=k % 3 == 0)) for k in range(60))
+    for k in range(40):
+        skin.feel(FRAME, suspect=k % 2 == 0)
+    assert skin.doubt.present
+    assert all(skin.feel(FRAME, suspect=k % 3 == 0)[0] for k in range(60))
+    for k in range(60):  # four of 20: too few
+        skin.feel(FRAME, suspect=k % 5 == 0)
+    assert not skin.doubt.present
+
+
 @pytest.mark.parametrize(("seconds", "believed", "frames"), [(0.5, False, 100), (0.3, True, 50)])
 def test_a_fault_under_a_touch_outlasts_it_until_the_skin_has_rested(
     skin, seconds, believed, frames

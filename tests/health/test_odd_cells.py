@@ -86,6 +86,55 @@ def test_a_cell_that_stands_still_alone_is_named(rng):
     assert said[-1].startswith(f"row {AT[0]}, column {AT[1]}: alone has read a constant ")
 
 
+def test_what_moves_within_a_twentieth_of_a_second_stands_still():
+    """Its mean of five frames does; that of four or six does not."""
+    cells, pattern = odd_cells(), 5.0 * (1.0 + 0.1 * np.array([1.0, 1.0, -1.0, -1.0, 0.0]))
+    for k, force in enumerate(np.tile(pattern, 40)):
+        cells.frame(seen(1.05 * k * FRAME, force=one_cell([force])[0]))
+    assert "alone has read a constant" in said(cells)
+
+
+@pytest.mark.parametrize(("share", "odd"), [(0.12, False), (0.18, True)])
+def test_to_and_fro_by_more_than_a_hand_trembles_is_a_jump(share, odd):
+    """Of the larger force: what a hand loses from one frame to the next is less."""
+    found = watch(one_cell(5.0 * np.tile([1.0, 1.0 - share], 50)))
+    assert ("jumps" in found[-1]) == odd
+
+
+@pytest.mark.parametrize(("frames", "odd"), [(6, False), (4, True)])
+def test_no_finger_drums_more_than_twenty_times_a_second(frames, odd):
+    found = watch(one_cell(np.tile(np.repeat([5.0, 0.0], frames), 40)))
+    assert any("jumps" in text for text in found) == odd
+
+
+@pytest.mark.parametrize(("share", "odd"), [(0.017, True), (0.023, False)])
+def test_what_moves_by_more_than_noise_does_not_stand_still(share, odd):
+    found = watch(one_cell(5.0 * np.tile(np.repeat([1.0, 1.0 + share], 30), 5)))
+    assert any("alone has read a constant" in text for text in found) == odd
+
+
+@pytest.mark.parametrize(("newtons", "odd"), [(0.13, False), (0.17, True)])
+def test_less_than_a_touch_is_no_odd_cell(newtons, odd):
+    assert bool(watch(one_cell(np.tile([newtons, 0.0], 50)))[-1]) == odd
+    assert bool(watch(one_cell(np.full(150, newtons)))[-1]) == odd
+
+
+@pytest.mark.parametrize(("share", "odd"), [(0.22, True), (0.38, False)])
+def test_what_its_neighbours_share_is_a_touch(share, odd):
+    """Both what jumps and what stands still."""
+    jumps, stands = one_cell(np.tile([5.0, 1.0], 50)), one_cell(np.full(150, 5.0))
+    for frames in (jumps, stands):
+        frames[:, AT[0] + 1, AT[1]] = share * frames[:, AT[0], AT[1]]
+        assert bool(watch(frames)[-1]) == odd
+
+
+@pytest.mark.parametrize(("share", "odd"), [(0.88, True), (0.8, False)])
+def test_it_is_let_go_once_its_force_is_another(share, odd):
+    cells = odd_cells()
+    assert watch(one_cell(np.full(150, 5.0)), cells)[-1]
+    assert bool(watch(one_cell(np.full(10, 5.0 * share)), cells, 1.5)[-1]) == odd
+
+
 def test_it_stays_named_when_something_touches_beside_it(rng):
     cells, frames = odd_cells(), one_cell(np.full(150, 5.0))
     assert watch(frames, cells)[-1]
@@ -131,6 +180,11 @@ def test_one_of_a_few_frames_is_named_in_time():
     cells = odd_cells()
     assert not set_aside(cells, [AT, *[None] * 24] * 4)
     assert set_aside(cells, [AT, *[None] * 24] * 20, 1.0)
+
+
+@pytest.mark.parametrize(("frames", "bad"), [(80, False), (57, True)])
+def test_three_times_in_two_seconds_for_long_is_a_bad_contact(frames, bad):
+    assert bool(set_aside(odd_cells(), [AT, *[None] * (frames - 1)] * (6000 // frames))) == bad
 
 
 def test_what_a_touch_sets_aside_as_it_comes_is_not():

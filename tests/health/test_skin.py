@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from tactile_skin import Circuit, PressureCurve, forward
+from tactile_skin.health import skin as skin_module
 from tactile_skin.health.skin import Skin
 from tactile_skin.physics.adc import Adc
 from tactile_skin.physics.creep import Creep
@@ -127,6 +128,44 @@ def test_a_frame_of_a_slow_board_mixes_nothing_and_is_fitted_at_once():
     assert board.skin.fitted and board.skin.taken["fixed_point"] == 0
 
 
+@pytest.fixture
+def limit_after(monkeypatch):
+    """Return (intervals) -> the time limit [s] of the frame that follows them."""
+    limits = []
+
+    def compensate(*arguments, time_limit, **given):
+        limits.append(time_limit)
+        return idle
+
+    board = Board(time_limit=0.0)
+    board.feel(NOTHING)
+    idle = skin_module.compensate(np.full(CIRCUIT.shape, 0.05), CIRCUIT, CURVE)
+    monkeypatch.setattr(skin_module, "compensate", compensate)
+
+    def after(intervals):
+        for interval in intervals:
+            board.t += interval - FRAME
+            board.feel(NOTHING)
+        return limits[-1]
+
+    return after
+
+
+@pytest.mark.parametrize(
+    ("interval", "limit"), [(0.002, 0.05), (0.01, 0.05), (0.1, 0.2), (0.2, 0.4), (1.0, 0.5)]
+)
+def test_a_frame_may_take_two_of_the_board_within_what_a_push_may_wait(
+    limit_after, interval, limit
+):
+    assert limit_after([interval] * 100) == pytest.approx(limit, rel=0.01)
+
+
+def test_frames_that_come_at_once_may_take_as_long_as_those_before(limit_after):
+    """A computer that was busy takes them together; one gap makes no slow board, either."""
+    assert limit_after([*[0.1] * 100, 0.001]) == pytest.approx(0.18, abs=0.01)
+    assert limit_after([*[0.1] * 100, 1.0]) == pytest.approx(0.38, abs=0.03)
+
+
 @pytest.mark.parametrize("late", [False, True])
 @pytest.mark.parametrize("shape", [(4, 4), (8, 9), (64,), (0, 8), (1, 8, 8)])
 def test_a_frame_of_which_nothing_can_be_made_fails_and_the_next_does_not(shape, late):
@@ -243,6 +282,15 @@ def test_once_each_of_three_lines_is_no_loose_lead(board):
     for row in (1, ROW, OTHER):
         opens(board, row)
     assert not board.skin.fault
+
+
+@pytest.mark.parametrize(("closed", "counts"), [(8, False), (11, True)])
+def test_a_tenth_of_a_second_apart_they_are_two_times(board, closed, counts):
+    """Closed for 80 ms between two times it only chatters; for 110 ms it has come back."""
+    for _ in range(4):
+        board.feel(NOTHING, 1, broken=ROW)
+        board.feel(NOTHING, closed)
+    assert board.skin.fault == counts
 
 
 def test_a_contact_that_chatters_for_a_moment_opens_once(board):

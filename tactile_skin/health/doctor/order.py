@@ -27,8 +27,6 @@ _MAJORITY = 0.5  # of the votes' sum over the sum of their sizes
 _GAIN = 0.06  # share of all variation that the other order saves at least, of one touch
 _LIGHT = 0.03  # share of the picture's largest value below which a cell counts as untouched
 _FEWEST_LINES = 4  # whose order the touches tell
-_NOISE = 3.0  # times what noise explains of a squared difference, as at rest
-_ALIKE = 0.1  # squared difference over that of neighbours, at most, as at rest
 
 
 def equal_lines(seen: Recorded, skip) -> list[tuple[int, int, int]]:
@@ -54,11 +52,11 @@ def _under_touches(seen: Recorded, cells: np.ndarray) -> Iterator[tuple[int, int
             if len(on) >= FEW_TOUCHES and both.any():
                 apart[a, b] = float(np.square(on[:, a, both] - on[:, b, both]).mean())
         neighbours = [of for (a, b), of in apart.items() if b == a + 1]
-        most = _ALIKE * float(np.median(neighbours)) if neighbours else 0.0
+        most = at_rest.ALIKE * float(np.median(neighbours)) if neighbours else 0.0
         if most < by_noise:
             continue
         for pair, of in apart.items():
-            if of < min(most, _NOISE * by_noise):
+            if of < min(most, at_rest.OF_NOISE * by_noise):
                 yield axis, *pair
 
 

@@ -7,12 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...calibration.identify import SURE, Identified, identify
+from ...calibration.identify import Identified, identify
 from ...calibration.rest import Rest, resting_conductance
 from ...calibration.tracker import POSSIBLE
 from ...findings.finding import Finding, Kind
 from ...physics.circuit import Circuit
 from ...solvers.evidence import series_scale
+from ...solvers.suspect import BEYOND
 from . import wiring
 from .advice import Change
 from .recorded import FEW_TOUCHES, Recorded
@@ -45,7 +46,7 @@ def in_series(seen: Recorded, skip, noisy, wires: wiring.Wires) -> list[Finding]
     if circuit.readout_class.knows_r_drive:
         least["r_drive"] = _DRIVE
     off = {name: abs(getattr(found.circuit, name) - getattr(circuit, name)) for name in least}
-    said = [name for name in least if off[name] > max(least[name], SURE * found.std[name])]
+    said = [name for name in least if off[name] > max(least[name], BEYOND * found.std[name])]
     return [_finding(name, circuit, found) for name in said]
 
 
@@ -75,10 +76,10 @@ def shows(seen: Recorded, name: str) -> bool:
         return False
     if name == "r_drive":
         return found.std[name] <= _DRIVE_KNOWN
-    # One that is off by half must be `SURE`: where an r_ref that is 3 to 10 times too high was not
-    # named the deviation is 1.7 times as much and more; on sound boards with enough touches it is
-    # less (12 boards of 8 x 8 and 12 x 10 cells, 3 to 45 N).
-    return SURE * found.std[name] <= 0.5 * series_scale(seen.circuit)
+    # One that is off by half must be `BEYOND`: where an r_ref that is 3 to 10 times too high was
+    # not named the deviation is 1.7 times as much and more; on sound boards with enough touches it
+    # is less (12 boards of 8 x 8 and 12 x 10 cells, 3 to 45 N).
+    return BEYOND * found.std[name] <= 0.5 * series_scale(seen.circuit)
 
 
 def _finding(name: str, supposed: Circuit, found: Identified) -> Finding:
