@@ -6,7 +6,7 @@ naive.py        the paper's naive method    learned.py    the networks
 fixed_point.py  the literature's iteration  newton.py     the exact inverse
 map.py          noise-aware, with prior.py  auto.py       the cheapest that the frame allows
 suspect.py      tests of the circuit model  evidence.py   of what lies in series
-aside.py        without readings of bad contacts
+aside.py        without readings of bad contacts  levels.py  of lines that share a sum
 """
 
 from __future__ import annotations
