@@ -4,7 +4,7 @@
 The readings of a grounded sense line determine the shares of its cells. How much these conduct
 together follows from what they leave of the supply, and a hard load leaves little but noise. A fit
 then is where its prior pulls it, which counts each of a line's cells as if it said something of its
-own, and its slopes there say too much of harder loads (docs/derivation.md, "Lines that share").
+own, and its slopes there say too much of harder loads (docs/derivation.md).
 """
 
 from __future__ import annotations
@@ -67,9 +67,9 @@ def with_levels(
     mean = (weight[:, of] * forces).sum(0)
     square = (weight[:, of] * np.square(forces - mean)).sum(0)
     force.flat[free] = mean
-    own = np.zeros(log_g.shape)  # of x, beside what the level leaves open
-    beside = covariance.diagonal() - np.square(follows) * variance[of]
-    own.flat[free] = np.minimum(np.sqrt(np.maximum(beside, 0.0)), _MOST)
+    own = np.zeros(log_g.shape)  # of x, past what the level leaves open
+    left = covariance.diagonal() - np.square(follows) * variance[of]
+    own.flat[free] = np.minimum(np.sqrt(np.maximum(left, 0.0)), _MOST)
     now = spread(curve, -np.log(curve.resistance(force)), own)
     std.flat[free] = np.sqrt(square + np.square(now.ravel()[free]))
     return force, std

@@ -75,10 +75,10 @@ def by_reading(reading: Reading) -> Finding | None:
 
 
 def _least_rest(reading: Reading) -> np.ndarray:
-    """(rows, cols) the least that cells at rest may read beside the others [ADC steps].
+    """(rows, cols) the least that cells at rest may read [ADC steps].
 
     A cell that was not read may draw what lowers all others of its sense line, and of its driven
-    line where the drivers yield. Alone one of them is still too low.
+    line where the drivers yield. One that is lower than the others is still too low.
     """
     circuit, rest = reading.circuit, _rest_steps(reading.circuit, reading.curve)
     unread = circuit.populated & ~reading.informative
