@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The literature's fixed point g <- g * rho(g) / rho_measured, accelerated; and the naive method."""
+"""The literature's fixed point g <- g * rho(g) / rho_measured, accelerated; the naive method."""
 
 from __future__ import annotations
 
