@@ -31,7 +31,7 @@ def with_levels(
 
     Args:
         point: of the fit.
-        broad: whether its prior is that of a load on the whole skin.
+        broad: whether its prior is that of a load on all of the skin.
         std_x: (rows, cols) its standard deviation of x.
     """
     free, cells, curve = equations.unknowns, reading.circuit.populated, reading.curve
