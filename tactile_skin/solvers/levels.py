@@ -15,7 +15,7 @@ from .estimate import spread
 from .prior import SPREAD, NormalEquations, Point, differences, force_of
 from .reading import NEAR_REST, Reading
 
-_NODES = 41  # at which a level's distribution is taken
+_NODES = 15  # at which a level's distribution is taken
 _FAR = 4.0  # standard deviations to which it is followed
 _MOST = 10.0  # standard deviations of x, e^10 times the conductance: any force
 _LEAST = 1e-3  # share of a precision that is left without the prior's part in it: less is rounding

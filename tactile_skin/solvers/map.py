@@ -30,7 +30,7 @@ from .reading import NEAR_REST, OUTLIER, ROUNDING_NOISE, SCAN_NOISE, Reading, no
 MAX_STEPS = 12  # of Gauss-Newton; bounds the time of readings that no circuit explains
 _NEAR = 1.2  # residual over noise at which the fixed point has done its part
 _SETTLED = 4.0  # gain in units of 1/2 chi^2 below which a step is the last
-_SETTLED_SUM = 0.1  # the same where readings share a sum: less moves a hard load's level by halves
+_SETTLED_SUM = 0.5  # the same where readings share a sum: less moves a hard load's level by halves
 _ALONE = 1.5  # the same that one cell alone may gain then, where a fit did not begin near its end
 # chi^2 that a cell at rest must gain alone to become an unknown; noise gains it in 1 of 70 cells.
 _JOIN_CHI2 = 6.0
