@@ -2,11 +2,11 @@
 """From a reading to the force on each cell: one entry, `compensate`, and a file per method.
 
 reading.py      one checked frame           estimate.py   what comes out
-naive.py        the paper's naive method    learned.py    the networks
-fixed_point.py  the literature's iteration  newton.py     the exact inverse
+fixed_point.py  the literature's iteration, and the paper's naive method
+learned.py      the networks                newton.py     the exact inverse
 map.py          noise-aware, with prior.py  auto.py       the cheapest that the frame allows
 suspect.py      tests of the circuit model  evidence.py   of what lies in series
-aside.py        without readings of bad contacts
+aside.py        without bad contacts        levels.py     of lines that share a sum
 """
 
 from __future__ import annotations
@@ -22,10 +22,9 @@ from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
 from .auto import auto
 from .estimate import Estimate, batch_of, check_start
-from .fixed_point import first_guess, fixed_point, iterate, last_guess
+from .fixed_point import first_guess, fixed_point, iterate, last_guess, naive
 from .learned import cnn, physics
 from .map import map_estimate
-from .naive import naive
 from .newton import newton
 from .reading import Reading, check_reading
 from .suspect import EXACT_NOISE, no_convergence

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The literature's fixed point g <- g * rho(g) / rho_measured, accelerated."""
+"""The literature's fixed point g <- g * rho(g) / rho_measured, accelerated; the naive method."""
 
 from __future__ import annotations
 
@@ -20,6 +20,17 @@ MAX_STEPS = 60
 START_STEPS = 10  # by which other methods begin: a step costs a sixth of one of theirs, or less
 # ADC steps RMS at which to stop, or by which a closed form may miss a driven line: below rounding.
 _TARGET = 0.25
+
+
+def naive(reading: Reading) -> Estimate:
+    """Return the paper's naive picture (section V): each reading is taken for its own cell's.
+
+    It sees ghosts where parallel paths cross.
+    """
+    reading.need_all_cells("naive")
+    circuit = reading.circuit
+    force = reading.curve.force(circuit.two_terminal(reading.adc)) * circuit.populated
+    return estimate_from_force(force, reading, "naive")
 
 
 def fixed_point(reading: Reading) -> Estimate:

@@ -23,12 +23,14 @@ from . import suspect
 from .aside import without_bad_contacts
 from .estimate import Estimate, spread, where_unread
 from .fixed_point import START_STEPS, fill, first_guess, iterate, last_guess
+from .levels import with_levels
 from .prior import NormalEquations, Point
 from .reading import NEAR_REST, OUTLIER, ROUNDING_NOISE, SCAN_NOISE, Reading, noise_at_rest
 
 MAX_STEPS = 12  # of Gauss-Newton; bounds the time of readings that no circuit explains
 _NEAR = 1.2  # residual over noise at which the fixed point has done its part
 _SETTLED = 4.0  # gain in units of 1/2 chi^2 below which a step is the last
+_SETTLED_SUM = 0.5  # the same where readings share a sum: less moves a hard load's level by halves
 _ALONE = 1.5  # the same that one cell alone may gain then, where a fit did not begin near its end
 # chi^2 that a cell at rest must gain alone to become an unknown; noise gains it in 1 of 70 cells.
 _JOIN_CHI2 = 6.0
@@ -168,28 +170,33 @@ def _forces(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the force of each cell [N], its standard deviation [N] and the ADC ratio it gives.
 
-    Each is (rows, cols). Where a fit has converged, each cell is smoothed with its neighbours.
+    Each is (rows, cols). Where a fit has converged, each cell is smoothed with its neighbours, or
+    the level of each line found where readings share a sum; the ADC ratio is then the fit's.
     """
-    circuit = reading.circuit
-    g, std_x, adc = point.model.g, _std_x(point, step.equations), point.model.adc
+    circuit, equations = reading.circuit, step.equations
+    g, std_x, adc = point.model.g, _std_x(point, equations), point.model.adc
     # Readings that share a sum share its error, of which each cell's standard deviation tells
     # the network nothing: it then trusts neighbours too much.
     independent = not circuit.readout_class.shares_sum
-    if converged and not broad and independent and step.equations is not None:
-        smoothed = prior_terms.with_neighbours(reading, point, step.equations, std_x)
+    if converged and not broad and independent and equations is not None:
+        smoothed = prior_terms.with_neighbours(reading, point, equations, std_x)
         g, std_x, adc = smoothed or (g, std_x, adc)
     cells = circuit.populated
-    log_g = np.log(np.where(cells, g, 1.0))
-    std_x = std_x if broad and independent else _WIDEN * std_x
-    force = reading.curve.force_at(log_g) * cells
-    std = spread(reading.curve, log_g, np.minimum(std_x, 10.0)) * cells
+    if converged and not independent and equations is not None:
+        force, std = with_levels(reading, point, equations, broad, std_x)
+        std = _WIDEN * std
+    else:
+        log_g = np.log(np.where(cells, g, 1.0))
+        std_x = std_x if broad and independent else _WIDEN * std_x
+        force = reading.curve.force_at(log_g) * cells
+        std = spread(reading.curve, log_g, np.minimum(std_x, 10.0)) * cells
     any_force = reading.known & cells & (reading.adc >= circuit.near_short)
     at_end = reading.topped | any_force
     if at_end.any():  # up to the curve's end all is as likely
         end = reading.curve.max_force
         more = np.maximum(end - force, np.where(any_force, 0.5 * end, 0.0)) / 3**0.5
         std = np.where(at_end, np.maximum(std, more), std)
-    return force, where_unread(reading, point.model, force, std, step.equations), adc
+    return force, where_unread(reading, point.model, force, std, equations), adc
 
 
 def _converge(
@@ -198,6 +205,8 @@ def _converge(
     """Gauss-Newton from a point: the last point and step, their number, whether that is the end."""
     costs = [point.cost]
     iterations, settled = 0, False
+    shares = reading.circuit.readout_class.shares_sum
+    least = _SETTLED_SUM if shares else _SETTLED
     while iterations < MAX_STEPS:
         iterations += 1
         step = _gauss_newton(reading, point)
@@ -208,8 +217,8 @@ def _converge(
         # What is left to gain is the error of the quadratic's prediction. A load on the whole skin
         # is tested by its cost, and is therefore fitted to the end.
         left = 2.0 * abs(costs[-2] - costs[-1] - step.gain)
-        settled = step.gain < _SETTLED or (
-            left < _SETTLED and not broad and (warm or _gain_alone(reading, point) < _ALONE)
+        settled = step.gain < least or (
+            left < least and not broad and (warm or _gain_alone(reading, point) < _ALONE)
         )
         if settled or reading.late() or (broad and _leaves_level(reading, point)):
             break

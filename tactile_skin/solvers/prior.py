@@ -19,7 +19,7 @@ from .reading import Reading
 from .suspect import CHI2_LIMIT
 
 # Chosen on bodies of many sizes and textures (benchmarks/accuracy/prior.py).
-_SPREAD = 0.3  # of x, and of its differences between neighbours, below which they are drawn to 0
+SPREAD = 0.3  # of x, and of its differences between neighbours, below which they are drawn to 0
 _BROAD = 0.1  # share of the cells at rest below which the whole skin is loaded
 # Geary's contiguity ratio: 1 where neighbours differ as any two cells do. Touches on all of a skin
 # have less than 0.45, loads that are independent in each cell more than 0.6, by first guesses of
@@ -76,11 +76,11 @@ def touches(x: np.ndarray, between: Differences) -> Quadratic:
     Args:
         x: (rows, cols), 0 at rest and where there is no cell.
     """
-    if (found := compiled.touches(x, between.weight, _SPREAD)) is not None:
+    if (found := compiled.touches(x, between.weight, SPREAD)) is not None:
         return Quadratic(*found)
-    value, gradient, diagonal, entries = quadratic.roughness(x, between.weight, _SPREAD**2)
-    above = x + _SPREAD
-    value += float(np.log(above / _SPREAD).sum())
+    value, gradient, diagonal, entries = quadratic.roughness(x, between.weight, SPREAD**2)
+    above = x + SPREAD
+    value += float(np.log(above / SPREAD).sum())
     gradient += 1.0 / above
     return Quadratic(value, gradient, diagonal, entries)
 

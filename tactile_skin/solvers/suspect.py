@@ -27,6 +27,9 @@ MEASURED_NOISE = 1.1  # factor to which noise that was measured in the same fram
 _MEAN_LIMIT = 6.0  # standard deviations of the mean misfit, where the noise was measured
 BEYOND = 5.0  # standard deviations of noise: once in 3 million readings
 BELOW_REST = 0.5  # times the reading at rest, below which no sound cell reads
+# Share of a sense line's readings that nothing but a cell that was not read lowers, at least: of an
+# open driven line there is one in each.
+_USUAL = 0.25
 LINE_OPEN = 0.1  # the same, of an open line
 _UPSIDE_DOWN = 0.1  # of the readings that are too low, on no one line: more than some bad contacts
 EXACT_NOISE = 0.02  # ADC steps that an exact reading may miss
@@ -47,7 +50,7 @@ def by_reading(reading: Reading) -> Finding | None:
     """
     circuit, steps, known = reading.circuit, reading.steps, reading.known
     margin = BEYOND * reading.noise + 1.0
-    rest = _rest_steps(circuit, reading.curve) * reading.apparent[0]
+    rest = _least_rest(reading)
     short_circuit = circuit.ratio(0.0) * circuit.full_scale
     low = known & (steps < BELOW_REST * rest - margin)
     if np.count_nonzero(low):
@@ -69,6 +72,26 @@ def by_reading(reading: Reading) -> Finding | None:
     if spreads and (ends := saturation(reading, _EQUAL, _MANY)):
         return Finding(Kind.SATURATION, "frame", numbers=ends)
     return None
+
+
+def _least_rest(reading: Reading) -> np.ndarray:
+    """(rows, cols) the least that cells at rest may read [ADC steps].
+
+    A cell that was not read may draw what lowers all others of its sense line, and of its driven
+    line where the drivers yield. One that is lower than the others is still too low.
+    """
+    circuit, rest = reading.circuit, _rest_steps(reading.circuit, reading.curve)
+    unread = circuit.populated & ~reading.informative
+    if not (circuit.readout_class.shares_sum and unread.any()):
+        return rest * reading.apparent[0]
+    axis = circuit.sense_axis
+    share = np.where(reading.known & circuit.populated, reading.steps / rest, np.inf)
+    usual = np.quantile(share, _USUAL, axis, method="higher", keepdims=True)
+    least = np.minimum(reading.apparent[0], usual)
+    scale = np.where(unread.any(axis, keepdims=True), least, reading.apparent[0])
+    if circuit.r_drive:
+        scale = np.where(unread.any(1 - axis, keepdims=True), 0.0, scale)
+    return rest * scale
 
 
 @lru_cache(maxsize=16)
