@@ -85,7 +85,8 @@ def _least_rest(reading: Reading) -> np.ndarray:
     if not (circuit.readout_class.shares_sum and unread.any()):
         return rest * reading.apparent[0]
     axis = circuit.sense_axis
-    share = np.where(reading.known & circuit.populated, reading.steps / rest, np.inf)
+    read = reading.known & circuit.populated
+    share = np.divide(reading.steps, rest, out=np.full(rest.shape, np.inf), where=read)
     usual = np.quantile(share, _USUAL, axis, method="higher", keepdims=True)
     least = np.minimum(reading.apparent[0], usual)
     scale = np.where(unread.any(axis, keepdims=True), least, reading.apparent[0])
