@@ -4,7 +4,7 @@
 Readings are separated by commas, semicolons, tabs or spaces, one kind a line; runs of spaces count
 as one, and a separator may end the line. `nan`, `-`, or nothing between two separators stands for a
 crossing that was not read. Brackets in pairs, or at the ends of a line, labels (a name, then a
-colon or an equals sign) and what a terminal obeys are passed over. Decimals, as of a mean of
+colon or an equals sign) and escape sequences are passed over. Decimals, as of a mean of
 several scans, keep their fraction.
 
 A line holds a frame, a row or one reading. Where a row or a reading does not say which one it is
@@ -38,14 +38,14 @@ BLANKED = bytes.maketrans(_OPEN + _CLOSE, b" " * 8)
 _AT_ENDS = re.compile(rb"^[\s\[({<]+|[\s\])}>]+(?=[,;\s]*$)")
 # A frame of rows in brackets, or one on a terminal that is cleared, or whose cursor goes home.
 BEGINS = re.compile(rb"^[\s,]*[\[({][\s]*[\[({]|^[\s]*\x1b\[[0-9;]*[HJf]")
-_ESCAPES = re.compile(rb"\x1b\[[0-9;?]*[A-Za-z]")  # what a terminal obeys: colours, clear, home
+_ESCAPES = re.compile(rb"\x1b\[[0-9;?]*[A-Za-z]")  # of a terminal: colours, clear, cursor home
 ENDS = re.compile(rb"[\])}]\s*[\])}][,;\s]*$")
 _FIELD = re.compile(r"\{(row|col|index|skip|values)\}")
 _VALUES, _PLACES = "values", ("index", "row", "col")
 
 
 def unescaped(line: bytes) -> bytes:
-    """Return a line without what a terminal obeys and does not show."""
+    """Return a line without the escape sequences of a terminal."""
     return _ESCAPES.sub(b"", line) if b"\x1b" in line else line
 
 
