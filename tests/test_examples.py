@@ -14,7 +14,7 @@ pytestmark = pytest.mark.live
 ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 LINES = 41  # with its license
-AT_ONCE = 2  # most of them wait; more would keep the skins from the processor
+AT_ONCE = 3  # most of them wait; more would keep the skins from the processor
 # name -> its arguments, the longest first
 ARGUMENTS = {
     "touch_events": ["16"],  # s: the demo's push comes after 9 s, its stroke after 12.5 s

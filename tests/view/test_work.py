@@ -262,9 +262,9 @@ def test_lines_that_the_doctor_finds_are_drawn_on_the_mat(newcomer):
     hands.board.frames = broken
     browser.click("button", "doctor")
     browser.until("!document.getElementById('question').hidden")
-    until(lambda: len(work._frames) > 12 * STANDS, "readings at rest, a third of all")
+    until(lambda: len(work._frames) > 6 * STANDS, "readings at rest, a third of all")
     hands.pressing = True
-    until(lambda: len(work._frames) > 36 * STANDS, "two dozen touches")
+    until(lambda: len(work._frames) > 18 * STANDS, "a dozen touches")
     browser.click("button", "go on")
     browser.until("document.getElementById('leave').textContent === 'close'")
     assert any(found["cols"] == [5] for found in work.state()["findings"]), work.state()["lines"]
