@@ -70,7 +70,7 @@ def make_parser(*loaded: str) -> argparse.ArgumentParser:
 
 
 def _open_closed_streams() -> None:
-    """Let nobody stand where standard streams are closed: else a port may, and be printed to."""
+    """Open the null device for closed standard streams: a port would get their numbers."""
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
             setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_RDWR), mode))

@@ -82,8 +82,8 @@ class CircuitTracker:
         """Follow a skin from its configured circuit.
 
         Args:
-        r_par_std: how well its r_par was known when the curve was found with it [ohm]; None: as
-            well as a data sheet says it, and the curve is of the fabric alone.
+            r_par_std: how well its r_par was known when the curve was found with it [ohm]; None: as
+                well as a data sheet says it, and the curve is of the fabric alone.
         """
         self.circuit, self._configured = circuit, circuit
         self._calibrated = r_par_std is not None

@@ -70,9 +70,9 @@ class Guide:
         """Prepare the guided steps.
 
         Args:
-        circuit: as it is configured.
-        count_down: before a measurement; recorded frames need none.
-        show: takes the force (rows, cols) [N] of what was weighed last.
+            circuit: as it is configured.
+            count_down: before a measurement; recorded frames need none.
+            show: takes the force (rows, cols) [N] of what was weighed last.
         """
         self._supposed, self._frames, self._ask, self._say = circuit, frames, ask, say
         self._count_down, self._show = count_down, show

@@ -73,8 +73,8 @@ class Check:
         """Start with nothing known of the skin.
 
         Args:
-        adc: the board's converter, with its circuit.
-        threshold: ADC ratio up to which it is known to send 0 or no reading.
+            adc: the board's converter, with its circuit.
+            threshold: ADC ratio up to which it is known to send 0 or no reading.
         """
 
     def frame(self, seen: Seen) -> None:

@@ -70,16 +70,16 @@ class Skin:
         """Prepare a skin of which nothing has been read.
 
         Args:
-        adc: the board's converter, with its circuit.
-        curve: of the fabric.
-        creep: what a standing load gains, which is taken out of what is published.
-        r_par_std: how well its r_par is known [ohm]; None: as well as a data sheet says it.
-        follows: whether to measure what the cells read at rest.
-        noise: RMS of a reading [ADC steps]; None: measured.
-        threshold: ADC ratio up to which the board sends 0 or no reading.
-        time_limit: after which a frame fails [s]; 0: by the board's rate.
-        weights: of a network; None: those of the package.
-        warn: takes what somebody should know, and no stop is for.
+            adc: the board's converter, with its circuit.
+            curve: of the fabric.
+            creep: what a standing load gains, which is taken out of what is published.
+            r_par_std: how well its r_par is known [ohm]; None: as well as a data sheet says it.
+            follows: whether to measure what the cells read at rest.
+            noise: RMS of a reading [ADC steps]; None: measured.
+            threshold: ADC ratio up to which the board sends 0 or no reading.
+            time_limit: after which a frame fails [s]; 0: by the board's rate.
+            weights: of a network; None: those of the package.
+            warn: takes what somebody should know, and no stop is for.
         """
         self.circuit = adc.circuit
         self._adc, self._curve, self._follows = adc, curve, follows

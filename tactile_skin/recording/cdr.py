@@ -55,7 +55,7 @@ def check() -> None:
     """Check that the libraries of recordings are installed.
 
     Raises:
-    ModuleNotFoundError: a library is not installed.
+        ModuleNotFoundError: a library is not installed.
     """
     mcap(), _store()
 

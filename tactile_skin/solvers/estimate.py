@@ -16,6 +16,7 @@ _TRIED = 17  # conductances that are tried for a cell that was not read, from en
 _FAR = 3.0  # standard deviations from which on nothing is likely
 _ROUNDING = 1e-6  # standard deviations of a reading, and a share, that are none
 _SIGNS = np.array([1.0, -1.0])[:, None, None]
+_MOST = 10.0  # standard deviations of log g: e^10 times the conductance, any force
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -113,7 +114,7 @@ def check_start(start: Estimate, circuit: Circuit) -> None:
 
 def spread(curve, log_g: np.ndarray, std_x: np.ndarray) -> np.ndarray:
     """(rows, cols) standard deviation of forces [N] by that of their cells' log conductance."""
-    ends = curve.force_at(_SIGNS * std_x + log_g)  # both at once: half the time
+    ends = curve.force_at(_SIGNS * np.minimum(std_x, _MOST) + log_g)  # both at once: half the time
     return 0.5 * (ends[0] - ends[1])
 
 

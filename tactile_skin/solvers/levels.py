@@ -17,12 +17,11 @@ from .reading import NEAR_REST, Reading
 
 _NODES = 15  # at which a level's distribution is taken
 _FAR = 4.0  # standard deviations to which it is followed
-_MOST = 10.0  # standard deviations of x, e^10 times the conductance: any force
 _LEAST = 1e-3  # share of a precision that is left without the prior's part in it: less is rounding
 
 
 def with_levels(
-    reading: Reading, point: Point, equations: NormalEquations, broad: bool, std_x: np.ndarray
+    reading: Reading, point: Point, equations: NormalEquations, broad: bool, std: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return force and its standard deviation (rows, cols) [N], the means over lines' levels.
 
@@ -32,12 +31,11 @@ def with_levels(
     Args:
         point: of the fit.
         broad: whether its prior is that of a load on all of the skin.
-        std_x: (rows, cols) its standard deviation of x.
+        std: (rows, cols) [N] of the fit's forces; it stays that of cells that are no unknowns.
     """
     free, cells, curve = equations.unknowns, reading.circuit.populated, reading.curve
     log_g = np.log(np.where(cells, point.model.g, 1.0))
-    force = curve.force_at(log_g) * cells
-    std = spread(curve, log_g, np.minimum(std_x, _MOST)) * cells
+    force, std = curve.force_at(log_g) * cells, std.copy()
     if not free.size:
         return force, std
     of = _line(reading, free)  # (n,)
@@ -69,7 +67,7 @@ def with_levels(
     force.flat[free] = mean
     own = np.zeros(log_g.shape)  # of x, past what the level leaves open
     left = covariance.diagonal() - np.square(follows) * variance[of]
-    own.flat[free] = np.minimum(np.sqrt(np.maximum(left, 0.0)), _MOST)
+    own.flat[free] = np.sqrt(np.maximum(left, 0.0))
     now = spread(curve, -np.log(curve.resistance(force)), own)
     std.flat[free] = np.sqrt(square + np.square(now.ravel()[free]))
     return force, std

@@ -30,7 +30,7 @@ from .reading import NEAR_REST, OUTLIER, ROUNDING_NOISE, SCAN_NOISE, Reading, no
 MAX_STEPS = 12  # of Gauss-Newton; bounds the time of readings that no circuit explains
 _NEAR = 1.2  # residual over noise at which the fixed point has done its part
 _SETTLED = 4.0  # gain in units of 1/2 chi^2 below which a step is the last
-_SETTLED_SUM = 0.5  # the same where readings share a sum: less moves a hard load's level by halves
+_SETTLED_SUM = 0.5  # the same where readings share a sum: little gain moves a hard load's level far
 _ALONE = 1.5  # the same that one cell alone may gain then, where a fit did not begin near its end
 # chi^2 that a cell at rest must gain alone to become an unknown; noise gains it in 1 of 70 cells.
 _JOIN_CHI2 = 6.0
@@ -126,9 +126,9 @@ def _fit(
     """Fit the load to a reading.
 
     Args:
-    warm: g is close to the answer; a step that went as predicted is then the last one.
-    fits: that may be made to measure the noise, where it was not given.
-    level: whether the load may be one of the level prior.
+        warm: g is close to the answer; a step that went as predicted is then the last one.
+        fits: that may be made to measure the noise, where it was not given.
+        level: whether the load may be one of the level prior.
     """
     circuit, begin = reading.circuit, g
     g, steps = iterate(reading, g, START_STEPS, _NEAR * reading.fitted_noise)
@@ -182,14 +182,14 @@ def _forces(
         smoothed = prior_terms.with_neighbours(reading, point, equations, std_x)
         g, std_x, adc = smoothed or (g, std_x, adc)
     cells = circuit.populated
-    if converged and not independent and equations is not None:
-        force, std = with_levels(reading, point, equations, broad, std_x)
+    of_lines = equations if converged and not independent else None
+    log_g = np.log(np.where(cells, g, 1.0))
+    force = reading.curve.force_at(log_g) * cells
+    wide = 1.0 if of_lines is not None or (broad and independent) else _WIDEN
+    std = spread(reading.curve, log_g, wide * std_x) * cells
+    if of_lines is not None:
+        force, std = with_levels(reading, point, of_lines, broad, std)
         std = _WIDEN * std
-    else:
-        log_g = np.log(np.where(cells, g, 1.0))
-        std_x = std_x if broad and independent else _WIDEN * std_x
-        force = reading.curve.force_at(log_g) * cells
-        std = spread(reading.curve, log_g, np.minimum(std_x, 10.0)) * cells
     any_force = reading.known & cells & (reading.adc >= circuit.near_short)
     at_end = reading.topped | any_force
     if at_end.any():  # up to the curve's end all is as likely

@@ -27,8 +27,8 @@ MEASURED_NOISE = 1.1  # factor to which noise that was measured in the same fram
 _MEAN_LIMIT = 6.0  # standard deviations of the mean misfit, where the noise was measured
 BEYOND = 5.0  # standard deviations of noise: once in 3 million readings
 BELOW_REST = 0.5  # times the reading at rest, below which no sound cell reads
-# Share of a sense line's readings that nothing but a cell that was not read lowers, at least: of an
-# open driven line there is one in each.
+# Quantile of a sense line's readings, over those at rest, by which a cell that was not read lowers
+# all of them; an open driven line lowers one of them, which lies below.
 _USUAL = 0.25
 LINE_OPEN = 0.1  # the same, of an open line
 _UPSIDE_DOWN = 0.1  # of the readings that are too low, on no one line: more than some bad contacts
@@ -229,7 +229,7 @@ def estimate_from_force(
     slope = g * model.own * circuit.full_scale  # steps per log g
     misfit = reading.misfit(model.adc)
     shift = np.sqrt(np.square(misfit) + max(reading.noise, 1e-9) ** 2) / np.maximum(slope, 1e-9)
-    std = spread(curve, log_g, np.minimum(shift, 50.0)) * circuit.populated
+    std = spread(curve, log_g, shift) * circuit.populated
     finding = by_reading(reading)
     if slack and not finding:
         finding = by_residual(reading, model.adc, slack=slack)

@@ -90,8 +90,9 @@ class _Course:
         """Take the next contact of the touch.
 
         Args:
-        hardest: pressure on one cell [Pa]; changed: sum of |change of force| [N]; jump: a
-            centre that moves so far at once [m] did not move, the touch joined another.
+            hardest: pressure on one cell [Pa].
+            changed: sum of |change of force| [N].
+            jump: a centre that moves so far at once [m] did not move, the touch joined another.
         """
         self.end, self.last = t, contact.position.tolist()
         self.frames += 1

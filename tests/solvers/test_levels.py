@@ -71,8 +71,8 @@ def boards(kinds, n: int, seed: int):
         )
 
 
-@pytest.mark.parametrize("given", [True, False])
-def test_a_hard_load_lies_within_its_standard_deviation(given):
+@pytest.mark.parametrize(("given", "least"), [(True, 0.6), (False, 0.55)])
+def test_a_hard_load_lies_within_its_standard_deviation(given, least):
     """A fit was up to three times too light, and sure of it to 10 %."""
     within, sums, n, sound = [], [], 96, 0
     for circuit, kind, rng in boards(("all", "lines", "plate", "palm"), n, 901):
@@ -83,7 +83,7 @@ def test_a_hard_load_lies_within_its_standard_deviation(given):
         within.append((off <= found.std)[touched].mean() if touched.any() else 1.0)
         sums.append(abs(found.force.sum() - true.sum()) / found.std.sum())
     assert sound >= 0.95 * n
-    assert 0.55 < np.mean(within) < 0.8  # chosen on seeds 902 and 903
+    assert least < np.mean(within) < 0.76  # by noise of the frame itself it is a little too sure
     assert np.mean(np.array(sums) < 2.0) > 0.9
 
 

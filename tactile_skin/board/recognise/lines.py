@@ -157,7 +157,6 @@ def _apart(values: np.ndarray, lag: int) -> float:
 
     The median over the lines: under a touch they move by more than rows differ.
     """
-    # the median over the lines: under a touch they move by more than rows differ
     return float(np.nanmedian(np.nanmean(np.abs(values[lag:] - values[:-lag]), axis=1)))
 
 

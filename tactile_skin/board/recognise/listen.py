@@ -32,7 +32,6 @@ class Heard:
 
         A reading whose high byte never changes looks like the head of a packet.
         """
-        # a reading whose high byte never changes looks like the head of a packet
         if shape[0] * shape[1] != self.seen.cells:
             seen = recognise(self.data, shape)
             if seen.protocol and seen.cells == shape[0] * shape[1]:

@@ -72,7 +72,7 @@ def unrested(seen: Recorded) -> Finding | None:
     # Noise changes as much from frame to frame as in all, and so does a bad contact.
     moving = cells & (seen.noise > NOISY * seen.flicker + 1.0)
     if np.count_nonzero(moving) >= SEVERAL_CELLS:
-        return _touched(moving, cells)
+        return _never_left_alone(moving, cells)
     alike = [(axis, k) for axis, *pair in equal_lines(seen, ()) for k in pair]
     standing = _standing(seen, seen.without(cells, alike))  # touching stripes seem loaded
     if standing.any():
@@ -82,11 +82,11 @@ def unrested(seen: Recorded) -> Finding | None:
         return None
     left = cells & (seen.steps.min(0) < seen.base - seen.width)  # a load that stands at times
     if seen.fell > HARDLY_FALLS and np.count_nonzero(left) >= SEVERAL_CELLS:
-        return _touched(left, cells)
+        return _never_left_alone(left, cells)
     return None
 
 
-def _touched(touched: np.ndarray, cells: np.ndarray) -> Finding:
+def _never_left_alone(touched: np.ndarray, cells: np.ndarray) -> Finding:
     numbers = {"count": np.count_nonzero(touched), "cells": np.count_nonzero(cells)}
     return Finding(Kind.TOO_LITTLE_SEEN, "touched", numbers=numbers)
 
