@@ -35,7 +35,7 @@ _DONE = 0.2  # standard deviations by which the last round moved
 # Standard deviations: of r_par, as share of `series_scale`; of others [ohm]. Arduinos' pins have 25
 # ohm, a 74HC595's 20 to 70.
 _PRIOR = {"r_par": 0.2, "r_line": 8.0, "r_drive": 50.0}
-TOLD = {"r_par": 0.03, "r_line": 4.0, "r_drive": 4.0}  # the same, below which it is told
+_TOLD = {"r_par": 0.03, "r_line": 4.0, "r_drive": 4.0}  # the same, below which it is told
 # What is supposed of r_par is off so evidently, by `BEYOND` and this share of what is found, that a
 # rough value is better; soft rims alone make it 20 % too high.
 _FAR = 0.5
@@ -191,6 +191,12 @@ def prior_of(circuit: Circuit) -> np.ndarray:
     return np.diag([(r_par * series_scale(circuit)) ** -2, other**-2])
 
 
+def told_below(circuit: Circuit) -> np.ndarray:
+    """(2,) [ohm] standard deviation below which a resistance is told."""
+    r_par, other = (_TOLD[name] for name in names(circuit))
+    return np.array([r_par * series_scale(circuit), other])
+
+
 def without_r_par(circuit: Circuit) -> np.ndarray:
     """(2,) ohm that lead from the circuit's to an r_par of 0.
 
@@ -257,9 +263,7 @@ def _unknown_rest(rest: Rest, supposed: Supposed) -> np.ndarray:
 def _identified(circuit: Circuit, solution: Solution, ended: int) -> Identified:
     """Return what was identified, in numbers and words; `ended` readings are at the ADC's end."""
     off, information, std, frames = solution
-    r_par, other = (TOLD[name] for name in names(circuit))
-    limits = np.array([r_par * series_scale(circuit), other])
-    told = std < limits
+    told = std < told_below(circuit)
     there = series_scale(shifted(circuit, off))
     told[0] |= abs(off[0]) > max(BEYOND * std[0], _FAR * there)
     readout = circuit.readout_class

@@ -25,11 +25,11 @@ from ..solvers.suspect import BEYOND
 from .identify import (
     CONTRADICTION,
     FEWEST,
-    TOLD,
     Solution,
     names,
     prior_of,
     shifted,
+    told_below,
     values,
     without_r_par,
 )
@@ -89,13 +89,15 @@ class CircuitTracker:
         self._calibrated = r_par_std is not None
         # A curve makes up for the error of the r_par that it was found with, any if nothing told
         # it: newtons are right with that r_par only. What is further off has changed since.
-        told = (r_par_std or 0.0) <= TOLD["r_par"] * series_scale(circuit)
+        limits = told_below(circuit)
+        told = (r_par_std or 0.0) <= limits[0]
         self._made_up_for = CONTRADICTION * (r_par_std or 0.0) if told else np.inf  # ohm
         by_data_sheet = float(prior_of(circuit)[0, 0] ** -0.5)
         self._known_to = [by_data_sheet if r_par_std is None else r_par_std]
+        self._hardly = 2.0 * limits  # ohm, std from which on touches tell nothing
         self._tells_drivers = names(circuit)[1] == "r_drive"
         if self._tells_drivers:
-            self._known_to.append(PIN if r_par_std is None else TOLD["r_drive"])
+            self._known_to.append(PIN if r_par_std is None else limits[1])
         self.std = np.full(2, np.inf)
         self._learnt: list[Finding] = []
         self._likely: list[Finding] = []
@@ -185,13 +187,15 @@ class CircuitTracker:
         return changed
 
     def _suggested(self) -> list[Finding]:
-        """One touch tells r_par to 5 to 50 ohm: not enough to use it, but to doubt the other."""
+        """Return what a few touches tell: not enough to use it, but to doubt hard touches."""
         if not self._asked:
             return []
         off, _, std, _ = self._solve(list(self._asked))
         least = np.maximum(CONTRADICTION * std, self._relevant)
+        least[0] = max(least[0], self._made_up_for) if self._calibrated else least[0]
         least[1] = least[1] if self._tells_drivers else np.inf
-        return self._differing("likely", off, self._adopted, std, least, Severity.NOTE)
+        least[std > self._hardly] = np.inf
+        return self._differing("likely", off, self._adopted, std, least, Severity.WARN)
 
     def _differing(self, form: str, off, beside, std, least, severity: Severity) -> list[Finding]:
         """Return the resistances that are off and not `beside` the configured, all (2,) [ohm]."""
@@ -245,7 +249,7 @@ class CircuitTracker:
         if (np.abs(off - self._off) > np.maximum(relevant, std)).any():
             self._off = off
         self.std = std
-        if std[0] > 2.0 * TOLD["r_par"] * series_scale(self._configured):
+        if std[0] > self._hardly[0]:
             if not self._tells_drivers:
                 return False
             # r_drive, with the r_par that is used: touches on few lines tell no more

@@ -21,8 +21,7 @@ _NAMED = 4  # lines, or cells, that are named one by one
 class Severity(IntEnum):
     """What a finding does to the robot."""
 
-    NOTE = 0  # is shown
-    WARN = 1  # is shown as a warning
+    WARN = 1  # is shown
     FAULT = 2  # stops the robot
 
 

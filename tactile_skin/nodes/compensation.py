@@ -146,8 +146,7 @@ class Compensation:
         skin, found = self.skin, self.skin.findings(past=past)
         self._others = "; ".join(map(str, found[1:]))
         failed = skin.status == "failed"
-        doubted = skin.status != "ok" or any(f.severity >= Severity.WARN for f in found)
-        level = diagnostics.WARN if doubted else diagnostics.OK
+        level = diagnostics.WARN if found or skin.status != "ok" else diagnostics.OK
         if failed or (skin.fault and self._stops):
             level = diagnostics.ERROR
         before = self._waiting
