@@ -23,9 +23,7 @@ from ..solvers.suspect import BEYOND
 from .check import ABOVE, Check, Seen, Window
 
 _CHANCE = 1e-5  # of a sound skin's readings standing at one height, in one window
-# Share of the count of readings that stood still, of all, and of the least noise, that a window
-# renews.
-_FORGET = 0.01
+_FORGET = 0.01  # share of the count of readings that stood still, and of all, that a window renews
 _MOVES = 20.0  # times the noise by which those beside them differ when they stand there again
 _BESIDE = np.ones((3, 3))  # a cell and its neighbours
 _NEAR_MOST = 0.9  # of what a short circuit would read: above, all hard touches read alike
@@ -51,8 +49,6 @@ class Ceiling(Check):
         # where readings stood together [ADC steps], and what all read then
         self._shelf = math.inf
         self._picture: np.ndarray | None = None
-        self._largest = 0.0  # mean of a window so far [ADC steps]
-        self._least = math.inf  # noise of a window that no touch stirs [ADC steps]
         self.height: float | None = None
         self._noise = 0.0  # ADC steps by which a reading there may exceed it
         self._count = 1.0, 1.0 / _FORGET  # readings that stood still, and all: at first a guess
@@ -72,7 +68,7 @@ class Ceiling(Check):
         self._present = still or stands
         if self._present:
             self.height = float(window.mean.max())
-            self._noise = BEYOND * self._least if stands else 0.0
+            self._noise = BEYOND * (window.noise + ROUNDING_NOISE) if stands else 0.0
 
     def _still(self, window: Window) -> bool:
         """Whether the ADC ends there, or what is behind it: the largest readings do not move."""
@@ -92,17 +88,13 @@ class Ceiling(Check):
     def _stands(self, window: Window) -> bool:
         """Whether it ends before the ADC, whose noise is on top of it.
 
-        The largest readings so far stand together where they stood before, and those beside have
-        changed. A touch that trembles is no noise: in its breadth many readings stand together.
+        The largest readings stand together where they stood before, and those beside have changed.
         """
-        self._least = min(window.noise + ROUNDING_NOISE, (1.0 + _FORGET) * self._least)
-        mean, spread, noise = window.mean, window.spread, self._least
+        mean, spread, noise = window.mean, window.spread, window.noise + ROUNDING_NOISE
         top = float(mean.max())
-        self._largest = max(self._largest, top)
         shelf = mean > top - noise
         if (
             np.count_nonzero(shelf) < SHELF
-            or top < self._largest - noise
             or top > self._most
             or top - np.median(window.low) < ABOVE
             or spread[shelf].max() > 2.0 * noise
@@ -117,7 +109,6 @@ class Ceiling(Check):
 
     def forget(self) -> None:
         self.height = self.height if self._present else None
-        self._largest = 0.0
 
     def findings(self) -> list[Finding]:
         if self.height is None:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +14,9 @@ from ..solvers import Estimate
 
 WINDOW = 10  # frames that are looked at together: 0.1 s at 100 a second
 ABOVE = 16.0  # ADC steps over the middle reading: below, nothing presses
-CALM = 0.25  # of the readings are not moved by a touch
+CALM = 0.25  # of the readings are not moved by a touch, and of the windows
+_KEPT = 100  # windows whose noise is kept: 10 s at 100 frames a second
+_CHANCE = 1.5  # times the noise of calm windows, that another's is at most: what is more is a touch
 
 
 class Window(NamedTuple):
@@ -33,6 +36,7 @@ class Windows:
         self._scale = 1 << (16 - adc_bits)
         self._frames: list[np.ndarray] = []
         self._low: np.ndarray | None = None
+        self._noise: deque[float] = deque(maxlen=_KEPT)  # of each window [ADC steps]
 
     def frame(self, samples: np.ndarray) -> Window | None:
         """Return the window that this frame ends, if it does."""
@@ -47,6 +51,8 @@ class Windows:
         chance = np.sqrt(np.square(np.diff(steps, axis=0)).mean(0) / 2.0)
         read = chance[mean > 0.0]  # 0: not read, or below the ADC's range
         noise = float(np.quantile(read, CALM)) if read.size else 0.0
+        self._noise.append(noise)
+        noise = min(noise, _CHANCE * float(np.quantile(self._noise, CALM)))
         return Window(mean, spread, noise, self._low)
 
 

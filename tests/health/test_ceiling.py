@@ -128,13 +128,16 @@ class Clipped(Board):
         self.texture = np.exp(0.1 * self.rng.standard_normal((8, 8)))
 
 
+@pytest.mark.parametrize("before", [0.0, 700.0])
 @pytest.mark.parametrize("unread", [False, True])
-def test_a_ceiling_with_noise_is_told_at_the_second_touch(unread):
+def test_a_ceiling_with_noise_is_told_at_the_second_touch(unread, before):
     """Crossings that are not read hide it not: they stand still at 0, without noise."""
-    board = Clipped(noise=0.5, ceiling=614.0)
+    board = Clipped(noise=0.5)
     board.dead = np.zeros((8, 8), bool)
     board.dead[:, 6:] = unread
     board.frames(200)
+    assert not any(board.frames(50, before))
+    board.ceiling = 614.0
     assert not any(board.frames(50, 800.0))
     board.frames(100)
     assert board.frames(50, 750.0, np.s_[4:8, 2:6])[-1].startswith("readings end at 61")
