@@ -8,6 +8,8 @@ cell for cell, as of a multiplexer or leads that were exchanged.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.special import ndtri
 
@@ -96,7 +98,10 @@ class Untouched(Check):
         before, stopped = self.found, self.found is not None and self.found.stops
         was_line = before is not None and before.kind is Kind.SWAPPED
         if exchanged:
-            self._rest, self._found_at, self.found = rest, t, exchanged
+            # what a touch leaves behind may look so once
+            severity = Severity.FAULT if was_line else Severity.WARN
+            self._rest, self._found_at = rest, t
+            self.found = replace(exchanged, severity=severity)
         elif abs(change) > limit and not was_line and not (stopped and change > 0.0):
             fell = even and change < -LINE_FALL
             if before is None or fell > stopped:
@@ -166,7 +171,5 @@ def _another_line(
         if found.any():
             k = int(found.argmax())
             numbers = {"other": float(beyond[k].argmin())}
-            where = lines(axis, k)
-            fault = Severity.FAULT
-            return Finding(Kind.SWAPPED, "live", severity=fault, **where, numbers=numbers)
+            return Finding(Kind.SWAPPED, "live", **lines(axis, k), numbers=numbers)
     return None

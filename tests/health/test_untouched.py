@@ -77,6 +77,15 @@ def test_lines_that_are_exchanged_are_named_and_stop(shape):
     assert not said(skin.run(skin.rest)), "they are put right"
 
 
+def test_what_is_left_of_a_touch_for_a_moment_stops_nothing():
+    """It may make a line of a noisy skin read as another one."""
+    skin = Skin((8, 8))
+    skin.run(skin.rest)
+    assert said(skin.run(skin.rest[[7, *range(1, 8)]], 0.3)) and not stops(skin.untouched)
+    skin.run(skin.rest)
+    assert not said(skin.untouched)
+
+
 def test_crossings_that_are_not_read_hide_no_other_line():
     skin = Skin((8, 16))
     adc = skin.rest[:, [2, 1, 0, *range(3, 16)]]
