@@ -23,7 +23,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from .behaviours.hooks import EventHook, StopHook
 from .errors import LaunchError
@@ -73,6 +73,7 @@ _CLOSE_WITHIN = 0.1  # s that the end of one node may keep the others waiting
 _END_WITHIN = 0.3  # s for all final messages, and for hooks to receive the stop
 _HURRY = 0.5  # s after which commands of the launch file are killed, if a signal asked for the end
 _PATIENCE = 3.0  # s, if none did: they may have something to save
+_NOT_YET = "not running yet: call this within `with`, which starts the nodes"
 
 
 class Skin:
@@ -96,6 +97,8 @@ class Skin:
         self.node = Node("user", context=self._context)
 
     def __enter__(self) -> Skin:
+        if self._log is not None:
+            raise LaunchError("started already: each `with` needs a skin of its own from launch()")
         try:
             self._enter()
             SIGNALS.raise_pending()
@@ -223,9 +226,11 @@ class Skin:
         """Wait until a node, a failed command, a signal or `timeout` [s] ends the launch.
 
         Raises:
-            LaunchError: a command of the launch file ended by itself with an error.
+            LaunchError: no node runs yet, or a command of the launch file ended with an error.
             KeyboardInterrupt, SystemExit: a signal has ended an earlier `spin`.
         """
+        if self._log is None:
+            raise LaunchError(_NOT_YET)
         if SIGNALS.asked is not None:
             raise unwinding(SIGNALS.asked)
         end = math.inf if timeout is None else time.monotonic() + timeout
@@ -261,7 +266,7 @@ class Skin:
 
         Raises:
             LaunchError: the launch file starts no stop_on_push.
-            ValueError: `heartbeat` is not above 0, or not finite.
+            ValueError: `hook` cannot take these, or `heartbeat` is not above 0, or not finite.
         """
         from .nodes.stop_on_push import STATUS, STATUS_TOPIC, stop_message_of
 
@@ -314,7 +319,7 @@ class Skin:
 
         bodies = self._of_kind(BODY, self._handles) if executable == "stop_on_push" else []
         nodes, listener = bodies or self._started(executable), LISTENERS[kind]
-        event_hook = EventHook(hook)
+        event_hook = EventHook(hook, kind._fields)
         self._hooks.append(event_hook)
 
         def tell(event):
@@ -364,11 +369,9 @@ class Skin:
 
     def _started(self, executable: str) -> list[Node]:
         """Return the nodes of a kind, of which there must be one."""
-        found = self._of_kind(executable, self._handles)
-        if not found:
-            early = "not running yet: call this within `with`, which starts the nodes"
-            raise LaunchError(f"the launch file starts no {executable}" if self._log else early)
-        return found
+        if found := self._of_kind(executable, self._handles):
+            return found
+        raise LaunchError(f"the launch file starts no {executable}" if self._log else _NOT_YET)
 
     def _of_kind(self, executable: str, of: list) -> list:
         """Of the handles, or the nodes, those of a kind."""
@@ -389,10 +392,9 @@ def launch(path=None, context: Context | None = None, **arguments) -> Skin:
         path: ROS 2 YAML launch file; None: that of `default_file`.
         arguments: of the launch file, as on the command line after ``:=``.
     """
-    arguments = {key: str(value) for key, value in arguments.items()}
     return Skin(read_plan(find(path or default_file(arguments)), arguments), context)
 
 
-def default_file(arguments: dict[str, str]) -> str:
+def default_file(arguments: Mapping[str, object]) -> str:
     """Return the launch file where none is named: a port is a real board's, else it is the demo."""
     return "skin.launch.yaml" if "port" in arguments else "demo.launch.yaml"

@@ -674,10 +674,32 @@ def test_what_needs_a_node_that_is_not_there_is_refused(write, name):
         getattr(skin, name)(*([] if name == "reset_stop" else [print]))
 
 
-def test_a_hook_before_the_skin_runs_is_refused_with_the_place_for_it(write):
-    skin = launch(write(NODE % ""))
+@pytest.mark.parametrize("ask", [lambda skin: skin.on_stop(print), lambda skin: skin.spin(0.0)])
+def test_what_needs_a_running_skin_is_refused_with_the_place_for_it(write, ask):
     with pytest.raises(LaunchError, match="not running yet: call this within `with`"):
-        skin.on_stop(print)
+        ask(launch(write(NODE % "")))
+
+
+def test_a_skin_that_is_begun_twice_is_refused_and_goes_on(write):
+    with launch(write(NODE % "")) as skin:
+        with pytest.raises(LaunchError, match="started already: each `with`"), skin:
+            pass
+        assert skin.node.context.ok()
+
+
+def test_an_event_hook_of_other_arguments_is_refused_before_the_push(write):
+    with (
+        launch(write(NODE % "")) as skin,
+        pytest.raises(ValueError, match=r"hook .*must be a function of \(force, centre\)"),
+    ):
+        skin.on_push(lambda force: None)
+
+
+@pytest.mark.parametrize("name", ["port", "config", "record"])
+def test_an_argument_of_none_is_refused_by_name(name):
+    """It would be a file named None; without a port the skin of the demo would run."""
+    with pytest.raises(LaunchError, match=f"argument {name} = None: give a value, or leave it out"):
+        launch(**{name: None})
 
 
 # --- which file ---

@@ -150,7 +150,17 @@ def test_with_a_heartbeat_the_hook_is_called_without_a_change(made, word, heartb
     assert told.calls.count(word[:2]) == (1 if heartbeat is None else 3)
 
 
-@pytest.mark.parametrize("heartbeat", [0.0, -1.0, math.inf, math.nan])
+async def awaited(stop, reason):
+    pass
+
+
+@pytest.mark.parametrize("hook", [None, lambda: 0, lambda stop: 0, lambda a, b, c: 0, awaited])
+def test_a_hook_that_cannot_be_called_is_refused_before_it_is_needed(hook):
+    with pytest.raises(ValueError, match=r"hook .*must be a function of \(stop, reason\)"):
+        StopHook(hook, ["stop"], lambda: 0.0)
+
+
+@pytest.mark.parametrize("heartbeat", [0.0, -1.0, math.inf, math.nan, "0.1"])
 def test_a_bad_heartbeat_is_refused_by_name(heartbeat):
     with pytest.raises(ValueError, match="heartbeat = "):
         StopHook(print, ["stop"], lambda: 0.0, heartbeat)
@@ -169,7 +179,7 @@ def test_a_busy_event_hook_misses_the_oldest_and_says_so(caplog):
         if k == 99:
             done.set()
 
-    told = EventHook(hook)
+    told = EventHook(hook, ["k"])
     told.tell(0)
     assert busy.wait(PATIENCE)
     for k in range(1, 100):
@@ -191,7 +201,7 @@ def test_an_event_hook_that_raises_is_told_of_the_next(caplog):
             done.set()
         raise RuntimeError("hook failed")
 
-    told = EventHook(hook)
+    told = EventHook(hook, ["k"])
     for k in range(3):
         told.tell(k)
     assert done.wait(PATIENCE)
