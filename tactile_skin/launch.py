@@ -93,12 +93,13 @@ class Skin:
         self._hooks: list[StopHook | EventHook] = []
         self._settings = contextlib.ExitStack()  # of the process; closed, they are as before
         self._log: QueuedLog | None = None
-        self._ended = False
+        self._began = self._ended = False
         self.node = Node("user", context=self._context)
 
     def __enter__(self) -> Skin:
-        if self._log is not None:
+        if self._began:
             raise LaunchError("started already: each `with` needs a skin of its own from launch()")
+        self._began = True
         try:
             self._enter()
             SIGNALS.raise_pending()
@@ -179,8 +180,7 @@ class Skin:
         if self._ended:
             return
         self._ended = True
-        now = time.monotonic()
-        until, patience, hurry = (now + s for s in (_END_WITHIN, _PATIENCE, _HURRY))
+        until, patience, hurry = (time.monotonic() + s for s in (_END_WITHIN, _PATIENCE, _HURRY))
         self._context.try_shutdown()
         for hook in self._hooks:
             if isinstance(hook, StopHook):
@@ -229,7 +229,7 @@ class Skin:
             LaunchError: no node runs yet, or a command of the launch file ended with an error.
             KeyboardInterrupt, SystemExit: a signal has ended an earlier `spin`.
         """
-        if self._log is None:
+        if not self._began:
             raise LaunchError(_NOT_YET)
         if SIGNALS.asked is not None:
             raise unwinding(SIGNALS.asked)
@@ -371,7 +371,7 @@ class Skin:
         """Return the nodes of a kind, of which there must be one."""
         if found := self._of_kind(executable, self._handles):
             return found
-        raise LaunchError(f"the launch file starts no {executable}" if self._log else _NOT_YET)
+        raise LaunchError(f"the launch file starts no {executable}" if self._began else _NOT_YET)
 
     def _of_kind(self, executable: str, of: list) -> list:
         """Of the handles, or the nodes, those of a kind."""

@@ -685,6 +685,9 @@ def test_a_skin_that_is_begun_twice_is_refused_and_goes_on(write):
         with pytest.raises(LaunchError, match="started already: each `with`"), skin:
             pass
         assert skin.node.context.ok()
+        with launch(write(NOTHING)) as another, pytest.raises(LaunchError, match="starts no"):
+            another.spin(0.0)
+            another.on_stop(print)
 
 
 def test_an_event_hook_of_other_arguments_is_refused_before_the_push(write):
