@@ -46,7 +46,7 @@ from .middleware.signals import SIGNALS, unwinding
 from .middleware.threads import one_thread
 from .msg import DiagnosticArray, Trigger
 from .nodes import diagnostics
-from .touch.events import Gestured, Pushed, Released, Stroked
+from .touch.events import Event, Gestured, Pushed, Released, Stroked
 
 __all__ = [
     "LaunchError",
@@ -314,7 +314,7 @@ class Skin:
         """Call hook(gesture), a `touch.events.Gesture`, when one is named; needs gestures:=true."""
         self._on_event(hook, Gestured, "gestures")
 
-    def _on_event(self, hook: Callable, kind: type, executable: str) -> None:
+    def _on_event(self, hook: Callable, kind: type[Event], executable: str) -> None:
         from .nodes.observers.touch_events import LISTENERS
 
         bodies = self._of_kind(BODY, self._handles) if executable == "stop_on_push" else []

@@ -136,7 +136,7 @@ class StopHook:
                     continue
                 self._missed = None
             try:
-                self._hook(*now)
+                _call(self._hook, now)
                 last_call, due = now, t + self._heartbeat
             except BaseException:  # the hook is the robot's last resort: call it again
                 if time.monotonic() >= self._give_up:
@@ -195,7 +195,7 @@ class EventHook:
                 self._log.warning("was busy and missed %d events", dropped - reported)
                 reported = dropped
             try:
-                self._hook(*arguments)
+                _call(self._hook, arguments)
             except BaseException:  # its thread must live on
                 self._log.exception("raised")
 
@@ -219,6 +219,12 @@ def check_callable(hook: object, arguments: Sequence[str]) -> None:
         signature.bind(*arguments)
     except TypeError as error:
         raise ValueError(f"{wanted}: {error}") from None
+
+
+def _call(hook: Callable[..., object], arguments: tuple[object, ...]) -> None:
+    if inspect.iscoroutine(returned := hook(*arguments)):
+        returned.close()
+        raise TypeError("returned a coroutine, which nothing awaits: nothing was done")
 
 
 def _named(

@@ -192,6 +192,13 @@ def test_a_busy_event_hook_misses_the_oldest_and_says_so(caplog):
     assert f"missed {told.dropped} events" in caplog.text
 
 
+def test_a_hook_that_leaves_its_work_to_a_coroutine_is_reported(caplog):
+    told = EventHook(lambda k: awaited(True, k), ["k"])
+    told.tell("push")
+    told.close()
+    assert "returned a coroutine, which nothing awaits" in caplog.text
+
+
 def test_an_event_hook_that_raises_is_told_of_the_next(caplog):
     seen, done = [], threading.Event()
 
