@@ -6,6 +6,7 @@ Each has a thread of its own: one that raises or hangs delays neither the others
 
 from __future__ import annotations
 
+import contextlib
 import inspect
 import logging
 import math
@@ -141,7 +142,9 @@ class StopHook:
             except BaseException:  # the hook is the robot's last resort: call it again
                 if time.monotonic() >= self._give_up:
                     return
-                self._log.exception("raised on (%s, %r); called again in %g s", *now, _RETRY)
+                last_call = None  # it may have done half of this one
+                with contextlib.suppress(Exception):  # of a handler of the log
+                    self._log.exception("raised on (%s, %r); called again in %g s", *now, _RETRY)
                 with self._changed:
                     self._missed = now[1] if now[0] else self._missed
                     self._changed.wait(_RETRY)

@@ -133,6 +133,25 @@ def test_the_last_word_is_stop_whatever_comes_after_the_end(made):
     assert told.calls[-1] == (True, "the skin shuts down")
 
 
+@pytest.mark.parametrize("filters", [[], [lambda record: record.no_such_attribute]])
+def test_the_same_stop_is_said_again_after_a_free_that_raised(made, monkeypatch, filters):
+    """The hook may have let the motors go before it raised; a log may raise as well."""
+    told = Told()
+
+    def hook(stop, reason):
+        told(stop, reason)
+        if not stop:
+            stop_hook.hear("stop", PUSH)  # before the next try
+            raise RuntimeError("half done")
+
+    stop_hook = made(hook)
+    monkeypatch.setattr(stop_hook._log, "filters", filters)
+    stop_hook.hear("stop", PUSH)
+    told.wait_for((True, "push"))
+    stop_hook.hear("stop", free(math.inf))
+    told.wait_for((True, "push"), 2)
+
+
 @pytest.mark.parametrize("word", [PUSH, free(math.inf)])
 @pytest.mark.parametrize("heartbeat", [None, 0.1])
 def test_with_a_heartbeat_the_hook_is_called_without_a_change(made, word, heartbeat):
