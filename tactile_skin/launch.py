@@ -385,7 +385,7 @@ def _close(handle: Node, node) -> None:
         handle.get_logger().exception("close() raised")
 
 
-def launch(path=None, context: Context | None = None, **arguments) -> Skin:
+def launch(path=None, *, context: Context | None = None, **arguments) -> Skin:
     """Return the skin of a launch file, ready for `with`.
 
     Args:

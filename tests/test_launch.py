@@ -705,6 +705,11 @@ def test_an_argument_of_none_is_refused_by_name(name):
         launch(**{name: None})
 
 
+def test_a_second_argument_needs_its_name():
+    with pytest.raises(TypeError, match="positional argument"):
+        launch("skin.launch.yaml", "mine.yaml")
+
+
 # --- which file ---
 
 
