@@ -20,7 +20,6 @@ import logging
 import math
 import shlex
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -43,7 +42,7 @@ from .middleware.plan import (
 )
 from .middleware.processes import end_commands, start_command
 from .middleware.signals import SIGNALS, unwinding
-from .middleware.threads import one_thread
+from .middleware.threads import PACE
 from .msg import DiagnosticArray, Trigger
 from .nodes import diagnostics
 from .touch.events import Event, Gestured, Pushed, Released, Stroked
@@ -91,7 +90,7 @@ class Skin:
         self._nodes: list = []
         self._processes: list[subprocess.Popen] = []
         self._hooks: list[StopHook | EventHook] = []
-        self._settings = contextlib.ExitStack()  # of the process; closed, they are as before
+        self._settings = contextlib.ExitStack()  # of the process; closed, it needs them no more
         self._log: QueuedLog | None = None
         self._began = self._ended = False
         self.node = Node("user", context=self._context)
@@ -120,18 +119,8 @@ class Skin:
             from .recording import configuration
 
             recorder.begin(configuration.attachments(parameters_of(self._handles)))
-        # The matrices are small. More threads than one would spin beside it, and on a small
-        # computer keep the other nodes waiting for a tenth of a second.
-        self._settings.enter_context(one_thread())
-        # The default, 5 ms, is longer than a frame's whole way to the stop.
-        self._settings.callback(sys.setswitchinterval, sys.getswitchinterval())
-        sys.setswitchinterval(0.0005)
-        # What is there now stays. Where a program keeps what it hears, the collector would look at
-        # all of it as well, and stop every thread for 25 to 66 ms: several frames' time.
-        gc.collect()
-        if not gc.get_freeze_count():  # else another skin's, or the program's own
-            self._settings.callback(gc.unfreeze)
-        gc.freeze()
+        PACE.enter()
+        self._settings.callback(PACE.leave)
         for handle in (*self._handles, self.node):
             diagnostics.ensure_reported(handle)
         for handles in (*by_thread(self._plan.nodes, self._handles), [self.node]):

@@ -572,7 +572,8 @@ def test_hooks_and_nodes_that_hang_do_not_keep_the_end(write, monkeypatch):
     heard, hang, context, said = Told(), Hang(), Context(), []
     moves = "- node: {pkg: tactile_skin, exec: cmd_vel_gate}\n"
     skin = launch(
-        write("- node: {pkg: tactile_skin, exec: monitor}\n" + PATIENT_STOP + moves), context
+        write("- node: {pkg: tactile_skin, exec: monitor}\n" + PATIENT_STOP + moves),
+        context=context,
     )
     with skin:
         for hook in (hang, heard, hang):
@@ -703,6 +704,18 @@ def test_an_argument_of_none_is_refused_by_name(name):
     """It would be a file named None; without a port the skin of the demo would run."""
     with pytest.raises(LaunchError, match=f"argument {name} = None: give a value, or leave it out"):
         launch(**{name: None})
+
+
+def test_of_two_skins_that_ends_first_leaves_the_process_as_the_other_needs_it(write):
+    before = sys.getswitchinterval()
+    with launch(write(NODE % "")) as one:
+        log = logging.getLogger("tactile_skin")
+        during = sys.getswitchinterval(), gc.get_freeze_count() > 0, log.handlers[:]
+        other = launch(write(NODE % "")).__enter__()
+        one.__exit__()
+        assert (sys.getswitchinterval(), gc.get_freeze_count() > 0, log.handlers) == during
+        other.__exit__()
+    assert sys.getswitchinterval() == before > during[0] and log.handlers != during[2]
 
 
 def test_a_second_argument_needs_its_name():
@@ -879,7 +892,7 @@ def test_two_nodes_that_command_one_base_are_refused(write):
 @pytest.mark.parametrize("executable", ["cmd_vel_gate", "push_to_move"])
 def test_the_last_word_to_the_base_is_zero(write, executable):
     seen, context = [], Context()
-    with launch(write(node(executable)), context) as skin:
+    with launch(write(node(executable)), context=context) as skin:
         skin.node.create_subscription(Twist, "cmd_vel", seen.append, 100)
         skin.spin(0.1)
     assert len(seen) >= 2
