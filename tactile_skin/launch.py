@@ -20,10 +20,9 @@ import logging
 import math
 import shlex
 import subprocess
-import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from .behaviours.hooks import EventHook, StopHook
 from .errors import LaunchError
@@ -43,10 +42,10 @@ from .middleware.plan import (
 )
 from .middleware.processes import end_commands, start_command
 from .middleware.signals import SIGNALS, unwinding
-from .middleware.threads import one_thread
+from .middleware.threads import PACE
 from .msg import DiagnosticArray, Trigger
 from .nodes import diagnostics
-from .touch.events import Gestured, Pushed, Released, Stroked
+from .touch.events import Event, Gestured, Pushed, Released, Stroked
 
 __all__ = [
     "LaunchError",
@@ -73,6 +72,7 @@ _CLOSE_WITHIN = 0.1  # s that the end of one node may keep the others waiting
 _END_WITHIN = 0.3  # s for all final messages, and for hooks to receive the stop
 _HURRY = 0.5  # s after which commands of the launch file are killed, if a signal asked for the end
 _PATIENCE = 3.0  # s, if none did: they may have something to save
+_NOT_YET = "not running yet: call this within `with`, which starts the nodes"
 
 
 class Skin:
@@ -90,12 +90,15 @@ class Skin:
         self._nodes: list = []
         self._processes: list[subprocess.Popen] = []
         self._hooks: list[StopHook | EventHook] = []
-        self._settings = contextlib.ExitStack()  # of the process; closed, they are as before
+        self._settings = contextlib.ExitStack()  # of the process; closed, it needs them no more
         self._log: QueuedLog | None = None
-        self._ended = False
+        self._began = self._ended = False
         self.node = Node("user", context=self._context)
 
     def __enter__(self) -> Skin:
+        if self._began:
+            raise LaunchError("started already: each `with` needs a skin of its own from launch()")
+        self._began = True
         try:
             self._enter()
             SIGNALS.raise_pending()
@@ -116,18 +119,8 @@ class Skin:
             from .recording import configuration
 
             recorder.begin(configuration.attachments(parameters_of(self._handles)))
-        # The matrices are small. More threads than one would spin beside it, and on a small
-        # computer keep the other nodes waiting for a tenth of a second.
-        self._settings.enter_context(one_thread())
-        # The default, 5 ms, is longer than a frame's whole way to the stop.
-        self._settings.callback(sys.setswitchinterval, sys.getswitchinterval())
-        sys.setswitchinterval(0.0005)
-        # What is there now stays. Where a program keeps what it hears, the collector would look at
-        # all of it as well, and stop every thread for 25 to 66 ms: several frames' time.
-        gc.collect()
-        if not gc.get_freeze_count():  # else another skin's, or the program's own
-            self._settings.callback(gc.unfreeze)
-        gc.freeze()
+        PACE.enter()
+        self._settings.callback(PACE.leave)
         for handle in (*self._handles, self.node):
             diagnostics.ensure_reported(handle)
         for handles in (*by_thread(self._plan.nodes, self._handles), [self.node]):
@@ -176,8 +169,7 @@ class Skin:
         if self._ended:
             return
         self._ended = True
-        now = time.monotonic()
-        until, patience, hurry = (now + s for s in (_END_WITHIN, _PATIENCE, _HURRY))
+        until, patience, hurry = (time.monotonic() + s for s in (_END_WITHIN, _PATIENCE, _HURRY))
         self._context.try_shutdown()
         for hook in self._hooks:
             if isinstance(hook, StopHook):
@@ -223,9 +215,11 @@ class Skin:
         """Wait until a node, a failed command, a signal or `timeout` [s] ends the launch.
 
         Raises:
-            LaunchError: a command of the launch file ended by itself with an error.
+            LaunchError: no node runs yet, or a command of the launch file ended with an error.
             KeyboardInterrupt, SystemExit: a signal has ended an earlier `spin`.
         """
+        if not self._began:
+            raise LaunchError(_NOT_YET)
         if SIGNALS.asked is not None:
             raise unwinding(SIGNALS.asked)
         end = math.inf if timeout is None else time.monotonic() + timeout
@@ -261,7 +255,7 @@ class Skin:
 
         Raises:
             LaunchError: the launch file starts no stop_on_push.
-            ValueError: `heartbeat` is not above 0, or not finite.
+            ValueError: `hook` cannot take these, or `heartbeat` is not above 0, or not finite.
         """
         from .nodes.stop_on_push import STATUS, STATUS_TOPIC, stop_message_of
 
@@ -309,12 +303,12 @@ class Skin:
         """Call hook(gesture), a `touch.events.Gesture`, when one is named; needs gestures:=true."""
         self._on_event(hook, Gestured, "gestures")
 
-    def _on_event(self, hook: Callable, kind: type, executable: str) -> None:
+    def _on_event(self, hook: Callable, kind: type[Event], executable: str) -> None:
         from .nodes.observers.touch_events import LISTENERS
 
         bodies = self._of_kind(BODY, self._handles) if executable == "stop_on_push" else []
         nodes, listener = bodies or self._started(executable), LISTENERS[kind]
-        event_hook = EventHook(hook)
+        event_hook = EventHook(hook, kind._fields)
         self._hooks.append(event_hook)
 
         def tell(event):
@@ -364,11 +358,9 @@ class Skin:
 
     def _started(self, executable: str) -> list[Node]:
         """Return the nodes of a kind, of which there must be one."""
-        found = self._of_kind(executable, self._handles)
-        if not found:
-            early = "not running yet: call this within `with`, which starts the nodes"
-            raise LaunchError(f"the launch file starts no {executable}" if self._log else early)
-        return found
+        if found := self._of_kind(executable, self._handles):
+            return found
+        raise LaunchError(f"the launch file starts no {executable}" if self._began else _NOT_YET)
 
     def _of_kind(self, executable: str, of: list) -> list:
         """Of the handles, or the nodes, those of a kind."""
@@ -382,17 +374,16 @@ def _close(handle: Node, node) -> None:
         handle.get_logger().exception("close() raised")
 
 
-def launch(path=None, context: Context | None = None, **arguments) -> Skin:
+def launch(path=None, *, context: Context | None = None, **arguments) -> Skin:
     """Return the skin of a launch file, ready for `with`.
 
     Args:
         path: ROS 2 YAML launch file; None: that of `default_file`.
         arguments: of the launch file, as on the command line after ``:=``.
     """
-    arguments = {key: str(value) for key, value in arguments.items()}
     return Skin(read_plan(find(path or default_file(arguments)), arguments), context)
 
 
-def default_file(arguments: dict[str, str]) -> str:
+def default_file(arguments: Mapping[str, object]) -> str:
     """Return the launch file where none is named: a port is a real board's, else it is the demo."""
     return "skin.launch.yaml" if "port" in arguments else "demo.launch.yaml"

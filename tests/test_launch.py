@@ -572,7 +572,8 @@ def test_hooks_and_nodes_that_hang_do_not_keep_the_end(write, monkeypatch):
     heard, hang, context, said = Told(), Hang(), Context(), []
     moves = "- node: {pkg: tactile_skin, exec: cmd_vel_gate}\n"
     skin = launch(
-        write("- node: {pkg: tactile_skin, exec: monitor}\n" + PATIENT_STOP + moves), context
+        write("- node: {pkg: tactile_skin, exec: monitor}\n" + PATIENT_STOP + moves),
+        context=context,
     )
     with skin:
         for hook in (hang, heard, hang):
@@ -674,10 +675,52 @@ def test_what_needs_a_node_that_is_not_there_is_refused(write, name):
         getattr(skin, name)(*([] if name == "reset_stop" else [print]))
 
 
-def test_a_hook_before_the_skin_runs_is_refused_with_the_place_for_it(write):
-    skin = launch(write(NODE % ""))
+@pytest.mark.parametrize("ask", [lambda skin: skin.on_stop(print), lambda skin: skin.spin(0.0)])
+def test_what_needs_a_running_skin_is_refused_with_the_place_for_it(write, ask):
     with pytest.raises(LaunchError, match="not running yet: call this within `with`"):
-        skin.on_stop(print)
+        ask(launch(write(NODE % "")))
+
+
+def test_a_skin_that_is_begun_twice_is_refused_and_goes_on(write):
+    with launch(write(NODE % "")) as skin:
+        with pytest.raises(LaunchError, match="started already: each `with`"), skin:
+            pass
+        assert skin.node.context.ok()
+        with launch(write(NOTHING)) as another, pytest.raises(LaunchError, match="starts no"):
+            another.spin(0.0)
+            another.on_stop(print)
+
+
+def test_an_event_hook_of_other_arguments_is_refused_before_the_push(write):
+    with (
+        launch(write(NODE % "")) as skin,
+        pytest.raises(ValueError, match=r"hook .*must be a function of \(force, centre\)"),
+    ):
+        skin.on_push(lambda force: None)
+
+
+@pytest.mark.parametrize("name", ["port", "config", "record"])
+def test_an_argument_of_none_is_refused_by_name(name):
+    """It would be a file named None; without a port the skin of the demo would run."""
+    with pytest.raises(LaunchError, match=f"argument {name} = None: give a value, or leave it out"):
+        launch(**{name: None})
+
+
+def test_of_two_skins_that_ends_first_leaves_the_process_as_the_other_needs_it(write):
+    before = sys.getswitchinterval()
+    with launch(write(NODE % "")) as one:
+        log = logging.getLogger("tactile_skin")
+        during = sys.getswitchinterval(), gc.get_freeze_count() > 0, log.handlers[:]
+        other = launch(write(NODE % "")).__enter__()
+        one.__exit__()
+        assert (sys.getswitchinterval(), gc.get_freeze_count() > 0, log.handlers) == during
+        other.__exit__()
+    assert sys.getswitchinterval() == before > during[0] and log.handlers != during[2]
+
+
+def test_a_second_argument_needs_its_name():
+    with pytest.raises(TypeError, match="positional argument"):
+        launch("skin.launch.yaml", "mine.yaml")
 
 
 # --- which file ---
@@ -849,7 +892,7 @@ def test_two_nodes_that_command_one_base_are_refused(write):
 @pytest.mark.parametrize("executable", ["cmd_vel_gate", "push_to_move"])
 def test_the_last_word_to_the_base_is_zero(write, executable):
     seen, context = [], Context()
-    with launch(write(node(executable)), context) as skin:
+    with launch(write(node(executable)), context=context) as skin:
         skin.node.create_subscription(Twist, "cmd_vel", seen.append, 100)
         skin.spin(0.1)
     assert len(seen) >= 2

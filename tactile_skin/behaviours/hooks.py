@@ -6,12 +6,14 @@ Each has a thread of its own: one that raises or hangs delays neither the others
 
 from __future__ import annotations
 
+import contextlib
+import inspect
 import logging
 import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from .stop import StopMessage
 
@@ -75,7 +77,9 @@ class StopHook:
         now: Callable[[], float],
         heartbeat: float | None = None,
     ):
-        if heartbeat is not None and not 0.0 < heartbeat < math.inf:
+        check_callable(hook, ("stop", "reason"))
+        number = isinstance(heartbeat, (int, float))
+        if heartbeat is not None and not (number and 0.0 < heartbeat < math.inf):
             raise ValueError(f"heartbeat = {heartbeat!r} s: must be above 0, and finite")
         self._hook, self._now = hook, now
         self._heartbeat = math.inf if heartbeat is None else heartbeat
@@ -133,12 +137,14 @@ class StopHook:
                     continue
                 self._missed = None
             try:
-                self._hook(*now)
+                _call(self._hook, now)
                 last_call, due = now, t + self._heartbeat
             except BaseException:  # the hook is the robot's last resort: call it again
                 if time.monotonic() >= self._give_up:
                     return
-                self._log.exception("raised on (%s, %r); called again in %g s", *now, _RETRY)
+                last_call = None  # it may have done half of this one
+                with contextlib.suppress(Exception):  # of a handler of the log
+                    self._log.exception("raised on (%s, %r); called again in %g s", *now, _RETRY)
                 with self._changed:
                     self._missed = now[1] if now[0] else self._missed
                     self._changed.wait(_RETRY)
@@ -149,9 +155,13 @@ class EventHook:
 
     An exception is logged, and the next event passed on. While the hook is busy the oldest events
     that wait are dropped, counted in `dropped`.
+
+    Args:
+        arguments: their names, that the hook must be able to take.
     """
 
-    def __init__(self, hook: Callable[..., object]):
+    def __init__(self, hook: Callable[..., object], arguments: Sequence[str]):
+        check_callable(hook, arguments)
         self._hook = hook
         self._events: deque[tuple[object, ...]] = deque()
         self._changed = threading.Condition()
@@ -188,9 +198,36 @@ class EventHook:
                 self._log.warning("was busy and missed %d events", dropped - reported)
                 reported = dropped
             try:
-                self._hook(*arguments)
+                _call(self._hook, arguments)
             except BaseException:  # its thread must live on
                 self._log.exception("raised")
+
+
+def check_callable(hook: object, arguments: Sequence[str]) -> None:
+    """Refuse a hook that cannot be called with these arguments: it would fail when it is needed.
+
+    Raises:
+        ValueError: it is no function, one of other arguments, or `async`, which nothing awaits.
+    """
+    wanted = f"hook {hook!r}: must be a function of ({', '.join(arguments)})"
+    if not callable(hook):
+        raise ValueError(f"{wanted}: give it by its name, do not call it")
+    if inspect.iscoroutinefunction(hook):
+        raise ValueError(f"{wanted} that is not async: nothing awaits it")
+    try:
+        signature = inspect.signature(hook)
+    except ValueError:  # of some that are written in C
+        return
+    try:
+        signature.bind(*arguments)
+    except TypeError as error:
+        raise ValueError(f"{wanted}: {error}") from None
+
+
+def _call(hook: Callable[..., object], arguments: tuple[object, ...]) -> None:
+    if inspect.iscoroutine(returned := hook(*arguments)):
+        returned.close()
+        raise TypeError("returned a coroutine, which nothing awaits: nothing was done")
 
 
 def _named(

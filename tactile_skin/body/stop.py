@@ -129,11 +129,14 @@ class BodyStop:
         return Decision(bool(reasons), " + ".join(words for words, _ in reasons), causes)
 
     def stopping(self, t: float) -> list[str]:
-        """Return the names of the skins whose own stop, or silence, stops the body at t."""
+        """Return the names of the skins whose own stop, silence or fault stops the body at t."""
         return [
             skin
             for skin, (heard, message) in self._messages.items()
-            if message.at(t).stop or skin in self._clocks or not 0.0 <= t - heard <= _SILENCE
+            if message.at(t).stop
+            or skin in self._clocks
+            or self._faults.get(skin)
+            or not 0.0 <= t - heard <= _SILENCE
         ]
 
     @property

@@ -69,7 +69,8 @@ def show(words: list[str]) -> int:
     port = given.get("view_port", 8321)
     if port not in _PORTS:
         raise ValueError(f"view_port:={port}: must be a whole number from 0 to {_PORTS[-1]}")
-    with listen(given.get("view_host", "127.0.0.1"), port) as listening:
+    host = given.get("view_host", "127.0.0.1")
+    with listen(host, port) as listening:
         pictures = Pictures(skin)
         track = functools.partial(extras.track, desc=f"reading {path}")
         shown = Recorded(recording, pictures.push_of, track)
@@ -81,5 +82,7 @@ def show(words: list[str]) -> int:
             )
         print(f"{path} in a browser: {address_of(listening)} (Ctrl-C ends)", flush=True)
         with contextlib.suppress(KeyboardInterrupt):
-            asyncio.run(serve(listening, {"": Shown(shown, pictures)}, asyncio.Event(), False))
+            asyncio.run(
+                serve(listening, {"": Shown(shown, pictures)}, asyncio.Event(), False, host)
+            )
     return 0

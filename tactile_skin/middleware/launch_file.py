@@ -8,6 +8,7 @@ import re
 import shlex
 import sys
 import uuid
+from collections.abc import Mapping
 from pathlib import Path
 
 from ..errors import FileError, LaunchError, did_you_mean
@@ -52,13 +53,15 @@ def read_arguments(path) -> list[Argument]:
     return [*reader.plan.arguments.values(), RECORD, LIVE]
 
 
-def read_plan(path, arguments: dict[str, str]) -> Plan:
-    """Read a launch file and fill in its arguments.
+def read_plan(path, arguments: Mapping[str, object]) -> Plan:
+    """Read a launch file and fill in its arguments: texts, or what has the text of one.
 
     Raises:
         LaunchError: an unknown entity, key, substitution or argument, or a value that is missing.
     """
-    given = dict(arguments)
+    if none := [name for name, value in arguments.items() if value is None]:
+        raise LaunchError(f"argument {none[0]} = None: give a value, or leave it out")
+    given = {name: str(value) for name, value in arguments.items()}
     record, live = (given.pop(a.name, a.default) for a in (RECORD, LIVE))
     reader = _Reader(dict(given))
     reader.file(Path(path))

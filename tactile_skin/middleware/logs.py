@@ -40,6 +40,7 @@ class QueuedLog(QueueHandler):
         room: queue.Queue = queue.Queue(_KEPT)
         super().__init__(room)
         self._logger, self._own, self._propagate = logger, logger.handlers, logger.propagate
+        self._skins = 1  # that log by it
         found = [*logger.handlers]
         above = logger
         while above.propagate and above.parent:
@@ -51,16 +52,26 @@ class QueuedLog(QueueHandler):
         logger.handlers, logger.propagate = [self], False
 
     @classmethod
-    def before(cls, logger: logging.Logger) -> QueuedLog | None:
-        """Stand before the logger's handlers; None: another skin's does already."""
-        return None if any(isinstance(h, cls) for h in logger.handlers) else cls(logger)
+    def before(cls, logger: logging.Logger) -> QueuedLog:
+        """Return what stands before the logger's handlers, one for all skins."""
+        for there in logger.handlers:
+            if isinstance(there, cls):
+                there._skins += 1
+                return there
+        return cls(logger)
 
     def enqueue(self, record: logging.LogRecord) -> None:
         with contextlib.suppress(queue.Full):
             self.queue.put_nowait(record)
 
     def close(self) -> None:
-        """Put the logger back as it was; what waits is still written, unless nothing takes it."""
+        """End a skin; after the last one the logger is as it was.
+
+        What waits then is still written, unless nothing takes it.
+        """
+        self._skins -= 1
+        if self._skins > 0:
+            return
         added = [handler for handler in self._logger.handlers if handler is not self]
         self._logger.handlers, self._logger.propagate = self._own + added, self._propagate
         self._writer.stop()

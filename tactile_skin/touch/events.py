@@ -42,6 +42,9 @@ class Gestured(NamedTuple):
     gesture: Gesture
 
 
+Event = Pushed | Released | Stroked | Gestured
+
+
 class PushEvents:
     """Pairs the decisions of the stop with the place of the touch.
 

@@ -97,12 +97,12 @@ class Live:
 
 async def run(listening: socket.socket, sockets: list[socket.socket]) -> None:
     """Serve until the skin, or one of several, ends."""
-    skins, ended, controls = {}, asyncio.Event(), False
+    skins, ended, said = {}, asyncio.Event(), {}
     for skin in sockets:
         said = json.loads(skin.recv(LARGEST))
-        name, controls, parameters = said["name"], said["controls"], said["parameters"]
+        name, parameters = said["name"], said["parameters"]
         configured = skin_of(parameters, "view")
         pictures, work = Pictures(configured), Work(configured, parameters)
         live = Live(skin, name or "live", Log(pictures.push_of), work, ended)
         skins[name] = Shown(live, pictures)
-    await serve(listening, skins, ended, controls)
+    await serve(listening, skins, ended, said["controls"], said["host"])

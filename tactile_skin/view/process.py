@@ -45,7 +45,8 @@ class PageProcess:
                 ours, their = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
                 theirs.append(stack.enter_context(their))
                 self.skins[name] = ToPage(ours)
-                first = {"name": name, "controls": controls, "parameters": parameters}
+                of_page = {"host": host, "controls": controls}
+                first = {"name": name, "parameters": parameters} | of_page
                 self.skins[name].send(first)
             self._process = _start(listening, theirs)
 
@@ -125,6 +126,10 @@ def address_of(listening: socket.socket) -> str:
     host, port = listening.getsockname()[:2]
     if host in ("0.0.0.0", "::"):
         host = socket.gethostname()
+    return url_of(host, port)
+
+
+def url_of(host: str, port: int) -> str:
     return f"http://{f'[{host}]' if ':' in host else host}:{port}"
 
 

@@ -2,9 +2,10 @@
 """The page's server: a few files, and one WebSocket for each page.
 
 A page asks for each snapshot when it has drawn the one before: one that is slow, or asleep, has
-nothing queued. A request must name the host that it reached, by address or by this computer's name
-(a foreign name may be a rebound one), and its origin must be that host. Of several skins each has
-the addresses of one, its name behind a question mark; the one without a name is the page of all.
+nothing queued. A request must name the host that it reached, by address, by this computer's name
+or by that of `view_host` (a foreign name may be a rebound one), and its origin must be that host.
+Of several skins each has the addresses of one, its name behind a question mark; the one without a
+name is the page of all.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from websockets.http11 import Request, Response
 
 from ..solvers import METHODS
 from .pictures import PUBLISHED, Pictures
+from .process import url_of
 
 if TYPE_CHECKING:
     from .live import Live
@@ -104,24 +106,24 @@ def read_wanted(text: str | bytes) -> Wanted:
     return wanted
 
 
-def names_this_host(host: str, reached: str) -> bool:
+def names_this_host(host: str, address: str, named: str = "") -> bool:
     """Whether a request's Host names this computer: DNS rebinding comes under a foreign name.
 
-    `reached` is the address and port, as "127.0.0.1:8321", that the connection was made to.
+    Its port is not compared: that of a tunnel may be another.
+
+    Args:
+        address: that the connection was made to.
+        named: what the user calls the host.
     """
-    address, _, port = reached.rpartition(":")
-    name, colon, given = host.rpartition(":") if not host.endswith("]") else (host, "", "")
-    if not colon:
-        name, given = host, "80"
-    if given != port:
-        return False
+    name = host if host.endswith("]") else host.rpartition(":")[0] or host
     name = name.strip("[]").lower()
     own = socket.gethostname().lower()
     try:
         return ipaddress.ip_address(name) == ipaddress.ip_address(address)
     except ValueError:
         loopback = ipaddress.ip_address(address).is_loopback
-        return name in ({"localhost"} if loopback else {own, own + ".local", f"{own}.lan"})
+        names = {"localhost"} if loopback else {own, own + ".local", f"{own}.lan"}
+        return bool(name) and name in {*names, named.lower()}
 
 
 class Shown(NamedTuple):
@@ -137,10 +139,11 @@ class Server:
     Args:
         skins: name -> what is shown of it; the name of one alone, and of the body, is empty.
         controls: whether pages may ask for "tare" and "reset".
+        host: what it was asked to listen on, a name or an address.
     """
 
-    def __init__(self, skins: Mapping[str, Shown], controls: bool):
-        self._skins, self._controls = skins, controls
+    def __init__(self, skins: Mapping[str, Shown], controls: bool, host: str = ""):
+        self._skins, self._controls, self._host = skins, controls, host
         self._names = [name for name in skins if name]  # of a body
         self._pages: Counter[str] = Counter()
         self._files = {
@@ -155,8 +158,14 @@ class Server:
     def answer(self, connection: ServerConnection, request: Request) -> Response | None:
         """Return a file, or a refusal; None: a page that may have its WebSocket."""
         hosts, origins = (request.headers.get_all(name) for name in ("Host", "Origin"))
-        if len(hosts) != 1 or not names_this_host(hosts[0], _reached(connection)):
-            return _text(HTTPStatus.MISDIRECTED_REQUEST, "this host has another name")
+        address, port = connection.local_address[:2]
+        address = address.removeprefix("::ffff:")
+        if len(hosts) != 1 or not names_this_host(hosts[0], address, self._host):
+            return _text(
+                HTTPStatus.MISDIRECTED_REQUEST,
+                f"Host = {', '.join(hosts)}: not a name of this computer: open "
+                f"{url_of(address, port)}, or start the page with view_host:=NAME",
+            )
         if any(origin != f"http://{hosts[0]}" for origin in origins):
             return _text(HTTPStatus.FORBIDDEN, "not for pages of another origin")
         path, _, name = request.path.partition("?")
@@ -255,11 +264,6 @@ def _page(name: str) -> tuple[bytes, str]:
     return text.encode(), "text/html; charset=utf-8"
 
 
-def _reached(connection: ServerConnection) -> str:
-    address, port = connection.local_address[:2]
-    return f"{address.removeprefix('::ffff:')}:{port}"
-
-
 def _response(status: HTTPStatus, body: bytes, kind: str) -> Response:
     headers = _HEADERS | {"Content-Type": kind, "Content-Length": str(len(body))}
     return Response(status.value, status.phrase, Headers(headers), body)
@@ -270,10 +274,14 @@ def _text(status: HTTPStatus, text: str) -> Response:
 
 
 async def serve(
-    listening: socket.socket, skins: Mapping[str, Shown], ended: asyncio.Event, controls: bool
+    listening: socket.socket,
+    skins: Mapping[str, Shown],
+    ended: asyncio.Event,
+    controls: bool,
+    host: str = "",
 ) -> None:
     """Serve the page on a listening socket until `ended`; the others are those of `Server`."""
-    server = Server(skins, controls)
+    server = Server(skins, controls, host)
     strangers = logging.getLogger("tactile_skin.view.strangers")
     strangers.setLevel(logging.CRITICAL)  # what they send is no news
     async with serve_websockets(

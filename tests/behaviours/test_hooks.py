@@ -133,6 +133,25 @@ def test_the_last_word_is_stop_whatever_comes_after_the_end(made):
     assert told.calls[-1] == (True, "the skin shuts down")
 
 
+@pytest.mark.parametrize("filters", [[], [lambda record: record.no_such_attribute]])
+def test_the_same_stop_is_said_again_after_a_free_that_raised(made, monkeypatch, filters):
+    """The hook may have let the motors go before it raised; a log may raise as well."""
+    told = Told()
+
+    def hook(stop, reason):
+        told(stop, reason)
+        if not stop:
+            stop_hook.hear("stop", PUSH)  # before the next try
+            raise RuntimeError("half done")
+
+    stop_hook = made(hook)
+    monkeypatch.setattr(stop_hook._log, "filters", filters)
+    stop_hook.hear("stop", PUSH)
+    told.wait_for((True, "push"))
+    stop_hook.hear("stop", free(math.inf))
+    told.wait_for((True, "push"), 2)
+
+
 @pytest.mark.parametrize("word", [PUSH, free(math.inf)])
 @pytest.mark.parametrize("heartbeat", [None, 0.1])
 def test_with_a_heartbeat_the_hook_is_called_without_a_change(made, word, heartbeat):
@@ -150,7 +169,17 @@ def test_with_a_heartbeat_the_hook_is_called_without_a_change(made, word, heartb
     assert told.calls.count(word[:2]) == (1 if heartbeat is None else 3)
 
 
-@pytest.mark.parametrize("heartbeat", [0.0, -1.0, math.inf, math.nan])
+async def awaited(stop, reason):
+    pass
+
+
+@pytest.mark.parametrize("hook", [None, lambda: 0, lambda stop: 0, lambda a, b, c: 0, awaited])
+def test_a_hook_that_cannot_be_called_is_refused_before_it_is_needed(hook):
+    with pytest.raises(ValueError, match=r"hook .*must be a function of \(stop, reason\)"):
+        StopHook(hook, ["stop"], lambda: 0.0)
+
+
+@pytest.mark.parametrize("heartbeat", [0.0, -1.0, math.inf, math.nan, "0.1"])
 def test_a_bad_heartbeat_is_refused_by_name(heartbeat):
     with pytest.raises(ValueError, match="heartbeat = "):
         StopHook(print, ["stop"], lambda: 0.0, heartbeat)
@@ -169,7 +198,7 @@ def test_a_busy_event_hook_misses_the_oldest_and_says_so(caplog):
         if k == 99:
             done.set()
 
-    told = EventHook(hook)
+    told = EventHook(hook, ["k"])
     told.tell(0)
     assert busy.wait(PATIENCE)
     for k in range(1, 100):
@@ -182,6 +211,13 @@ def test_a_busy_event_hook_misses_the_oldest_and_says_so(caplog):
     assert f"missed {told.dropped} events" in caplog.text
 
 
+def test_a_hook_that_leaves_its_work_to_a_coroutine_is_reported(caplog):
+    told = EventHook(lambda k: awaited(True, k), ["k"])
+    told.tell("push")
+    told.close()
+    assert "returned a coroutine, which nothing awaits" in caplog.text
+
+
 def test_an_event_hook_that_raises_is_told_of_the_next(caplog):
     seen, done = [], threading.Event()
 
@@ -191,7 +227,7 @@ def test_an_event_hook_that_raises_is_told_of_the_next(caplog):
             done.set()
         raise RuntimeError("hook failed")
 
-    told = EventHook(hook)
+    told = EventHook(hook, ["k"])
     for k in range(3):
         told.tell(k)
     assert done.wait(PATIENCE)

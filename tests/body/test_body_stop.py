@@ -232,5 +232,6 @@ def test_what_a_skins_own_stop_latches_or_not_the_body_does_not_latch():
 def test_a_skin_in_another_frame_is_a_fault(body):
     body.fault("back", "its messages are in arm")
     assert body.decide(0.1).reason == "back: fault: its messages are in arm"
+    assert body.stopping(0.1) == ["back"]
     body.fault("back", "")
     assert not body.decide(0.1).stop

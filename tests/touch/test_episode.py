@@ -45,6 +45,7 @@ def test_pats_are_counted():
     force = np.tile([0.0, 4.0, 8.0, 4.0, 0.0, 0.0, 0.0], 3)[1:]
     seen = described(np.array([spot(7.0, 7.0, f) if f else np.zeros(SHAPE) for f in force]))
     assert np.exp(seen["bouts"]) == pytest.approx(3.0)
+    assert seen["bout_rate"] * np.exp(seen["duration"]) == pytest.approx(3.0)
     assert np.exp(seen["peaks"]) == pytest.approx(3.0)
     assert np.exp(seen["force_max"]) == pytest.approx(8.0, rel=1e-3)
 

@@ -133,8 +133,11 @@ def test_next_to_a_body_nothing_is_a_gesture(rows_pressed, label):
     assert {g.id: g.label for g in named if g.state == ENDED}[2] == label
 
 
-def test_background_that_is_pressed_harder_is_a_gesture_again():
-    named = played([*resting(STILL + 0.5), *resting(0.5, force=60.0), *nothing(1.0)])
+@pytest.mark.parametrize(("left", "pressed"), [(20.0, 60.0), (2.0, 8.0)])
+def test_background_that_is_pressed_harder_is_a_gesture_again(left, pressed):
+    """Harder than what is left of it, where most of it has gone."""
+    steps = [*resting(0.5, force=left), *resting(0.5, force=pressed)]
+    named = played([*resting(STILL + 0.5), *steps, *nothing(1.0)])
     assert {g.id for g in named} == {1, 2}
 
 
