@@ -9,6 +9,7 @@ from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import correlate1d
 from scipy.special import ndtri
 
 from ..files import shorten
@@ -91,6 +92,29 @@ class Reading:
     def informative(self) -> np.ndarray:
         """(rows, cols) bool, readings that carry a value or a limit."""
         return self.known if self.all_read else self.known | self.capped | self.topped
+
+    @cached_property
+    def supposed(self) -> np.ndarray:
+        """(rows, cols) ADC ratio that unread cells beside touched ones would have; 0 elsewhere.
+
+        What the readings of a sense line leave of their sum is its level, or what such a cell
+        takes: nothing tells which. It is supposed to take what those next to it on its line do,
+        and no more than is left.
+        """
+        circuit, axis = self.circuit, self.circuit.sense_axis
+        if self.all_cells_read or not circuit.readout_class.shares_sum:
+            return np.zeros(self.adc.shape)
+        lightest = circuit.readout_class.guess(circuit, self.adc, self.rho, self.bounds)
+        read = self.known & circuit.populated
+        count, near, touched = (
+            correlate1d(1.0 * picture, np.ones(3), axis, mode="constant")
+            for picture in (read, read * self.adc, read & (lightest > NEAR_REST * self.bounds[0]))
+        )
+        beside = circuit.populated & ~self.informative & (touched > 0.0)
+        supposed = beside * near / np.maximum(count, 1.0)
+        left = circuit.ratio(0.0) - self.adc.sum(axis, keepdims=True)
+        taken = supposed.sum(axis, keepdims=True)
+        return supposed * np.minimum(np.maximum(left, 1e-3) / np.maximum(taken, 1e-3), 1.0)
 
     @property
     def n_informative(self) -> int:
