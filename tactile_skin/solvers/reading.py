@@ -95,11 +95,11 @@ class Reading:
 
     @cached_property
     def supposed(self) -> np.ndarray:
-        """(rows, cols) ADC ratio that unread cells beside touched ones would have; 0 elsewhere.
+        """(rows, cols) ADC ratio that is supposed of unread cells next to touched ones; else 0.
 
-        What the readings of a sense line leave of their sum is its level, or what such a cell
-        takes: nothing tells which. It is supposed to take what those next to it on its line do,
-        and no more than is left.
+        What the readings of a sense line leave of their sum determines its level, unless a cell
+        that was not read takes part of it. Such a cell is taken for like those next to it on its
+        line, which leave it no more than there is.
         """
         circuit, axis = self.circuit, self.circuit.sense_axis
         if self.all_cells_read or not circuit.readout_class.shares_sum:
@@ -110,11 +110,11 @@ class Reading:
             correlate1d(1.0 * picture, np.ones(3), axis, mode="constant")
             for picture in (read, read * self.adc, read & (lightest > NEAR_REST * self.bounds[0]))
         )
-        beside = circuit.populated & ~self.informative & (touched > 0.0)
-        supposed = beside * near / np.maximum(count, 1.0)
-        left = circuit.ratio(0.0) - self.adc.sum(axis, keepdims=True)
-        taken = supposed.sum(axis, keepdims=True)
-        return supposed * np.minimum(np.maximum(left, 1e-3) / np.maximum(taken, 1e-3), 1.0)
+        unread = circuit.populated & ~self.informative & (touched > 0.0)
+        supposed = unread * near / np.maximum(count, 1.0)
+        least = 1.0 / circuit.full_scale
+        left = np.maximum(circuit.ratio(0.0) - self.adc.sum(axis, keepdims=True), least)
+        return supposed * np.minimum(left / np.maximum(supposed.sum(axis, keepdims=True), least), 1)
 
     @property
     def n_informative(self) -> int:
