@@ -49,8 +49,8 @@ def fixed_point(reading: Reading) -> Estimate:
 
 def first_guess(reading: Reading) -> np.ndarray:
     """Conductance [S] whose products with the measured rho are all alike: `Readout.guess`."""
-    circuit = reading.circuit
-    return circuit.readout_class.guess(circuit, reading.adc, reading.rho, reading.bounds)
+    circuit, adc = reading.circuit, reading.adc + reading.supposed
+    return circuit.readout_class.guess(circuit, adc, reading.rho, reading.bounds)
 
 
 def closed_form(reading: Reading, target: float) -> tuple[np.ndarray, int, bool] | None:

@@ -42,17 +42,16 @@ def with_levels(
     on = 1.0 * (of[:, None] == np.arange(reading.adc.shape[1 - reading.circuit.sense_axis]))
     share = on * point.model.g.ravel()[free, None]
     share /= np.maximum(share.sum(0), np.finfo(float).tiny)  # of what each line conducts
-    covariance = np.triu(equations.inverse).astype(float)
-    covariance += np.triu(covariance, 1).T
+    covariance = equations.covariance
     slope = point.slope.ravel()[free].astype(float)  # what the steps have left
     if broad:
-        covariance = _without(covariance, _of_mean(reading, point)[free, None])
+        covariance = without(covariance, _of_mean(reading, point)[free, None])
     else:
         pull, between = _of_lines(reading, point)
         slope += pull.ravel()[free]
         values, vectors = np.linalg.eigh(between)
         root = vectors * np.sqrt(np.maximum(values, 0.0))
-        covariance = _without(covariance, on / np.maximum(on.sum(0), 1.0) @ root)
+        covariance = without(covariance, on / np.maximum(on.sum(0), 1.0) @ root)
     with_line = covariance @ share
     variance = (share * with_line).sum(0)
     z = 1.0 - with_line.T @ slope
@@ -94,7 +93,7 @@ def _distribution(z: np.ndarray, std: np.ndarray, least: np.ndarray):
     return log_z, weight / weight.sum(0)
 
 
-def _without(covariance: np.ndarray, root: np.ndarray) -> np.ndarray:
+def without(covariance: np.ndarray, root: np.ndarray) -> np.ndarray:
     """Return the covariance where the precision is less by root root^T (Woodbury's identity)."""
     moved = covariance @ root
     left, vectors = np.linalg.eigh(np.eye(root.shape[1]) - root.T @ moved)

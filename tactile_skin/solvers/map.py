@@ -23,7 +23,7 @@ from . import suspect
 from .aside import without_bad_contacts
 from .estimate import Estimate, spread, where_unread
 from .fixed_point import START_STEPS, fill, first_guess, iterate, last_guess
-from .levels import with_levels
+from .levels import with_levels, without
 from .prior import NormalEquations, Point
 from .reading import NEAR_REST, OUTLIER, ROUNDING_NOISE, SCAN_NOISE, Reading, noise_at_rest
 
@@ -191,12 +191,28 @@ def _forces(
         force, std = with_levels(reading, point, of_lines, broad, std)
         std = _WIDEN * std
     any_force = reading.known & cells & (reading.adc >= circuit.near_short)
+    if equations is not None and reading.topped.any():
+        std = np.hypot(std, spread(reading.curve, log_g, _held(reading, point, equations)) * cells)
     at_end = reading.topped | any_force
     if at_end.any():  # up to the curve's end all is as likely
         end = reading.curve.max_force
         more = np.maximum(end - force, np.where(any_force, 0.5 * end, 0.0)) / 3**0.5
         std = np.where(at_end, np.maximum(std, more), std)
     return force, where_unread(reading, point.model, force, std, equations), adc
+
+
+def _held(reading: Reading, point: Point, equations: NormalEquations) -> np.ndarray:
+    """(rows, cols) standard deviation of x that is hidden where topped readings are held.
+
+    They may lie anywhere above it, and draw the others along.
+    """
+    free, held = equations.unknowns, np.zeros(point.x.shape)
+    ends = np.flatnonzero(reading.topped & (point.model.weight > 0.0)).astype(np.int32)
+    root = point.model.jacobian(ends, free) * point.gx.ravel()[free]
+    covariance = equations.covariance
+    more = (without(covariance, root.T) - covariance).diagonal()
+    held.flat[free] = np.sqrt(np.maximum(more, 0.0))
+    return held
 
 
 def _converge(

@@ -9,6 +9,7 @@ from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import correlate1d
 from scipy.special import ndtri
 
 from ..files import shorten
@@ -91,6 +92,29 @@ class Reading:
     def informative(self) -> np.ndarray:
         """(rows, cols) bool, readings that carry a value or a limit."""
         return self.known if self.all_read else self.known | self.capped | self.topped
+
+    @cached_property
+    def supposed(self) -> np.ndarray:
+        """(rows, cols) ADC ratio that is supposed of unread cells next to touched ones; else 0.
+
+        What the readings of a sense line leave of their sum determines its level, unless a cell
+        that was not read takes part of it. Such a cell is taken for like those next to it on its
+        line, which leave it no more than there is.
+        """
+        circuit, axis = self.circuit, self.circuit.sense_axis
+        if self.all_cells_read or not circuit.readout_class.shares_sum:
+            return np.zeros(self.adc.shape)
+        lightest = circuit.readout_class.guess(circuit, self.adc, self.rho, self.bounds)
+        read = self.known & circuit.populated
+        count, near, touched = (
+            correlate1d(1.0 * picture, np.ones(3), axis, mode="constant")
+            for picture in (read, read * self.adc, read & (lightest > NEAR_REST * self.bounds[0]))
+        )
+        unread = circuit.populated & ~self.informative & (touched > 0.0)
+        supposed = unread * near / np.maximum(count, 1.0)
+        least = 1.0 / circuit.full_scale
+        left = np.maximum(circuit.ratio(0.0) - self.adc.sum(axis, keepdims=True), least)
+        return supposed * np.minimum(left / np.maximum(supposed.sum(axis, keepdims=True), least), 1)
 
     @property
     def n_informative(self) -> int:
