@@ -226,6 +226,19 @@ def test_packets_are_recognised_and_read(name):
     assert len(found) >= len(right) - 2
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_bytes_of_a_quiet_mat_are_surely_no_words(seed):
+    """Two of them look like a word whose high byte has no noise."""
+    rng = np.random.default_rng(seed)
+    quiet = rng.integers(60, 480, SHAPE) + rng.integers(0, 2, (30, *SHAPE))
+    data = boards.sent(boards.words_with_a_sum, quiet)
+    seen = recognise(data)
+    assert not seen.sure or seen.cells == quiet[0].size
+    known = recognise(data, SHAPE)
+    assert known.sure
+    np.testing.assert_array_equal(read(data, known), quiet // 4)
+
+
 @pytest.mark.parametrize(
     ("make", "said"), [(boards.packed, "every 62 bytes"), (boards.run_lengths, "FF after ")]
 )
