@@ -66,8 +66,9 @@ class Frames(Found):
         if top > 2**circuit.adc_bits:
             raise FileError(
                 f"{self.path}: numbers up to {top:g}, but adc_bits = {circuit.adc_bits} ends at "
-                f"{circuit.full_scale}: an ADC of more bits (adc_bits), or millivolts "
-                "(full_scale:=3300 or 5000, what an input at the supply reads)?"
+                f"{circuit.full_scale}: an ADC of more bits (adc_bits), millivolts "
+                "(full_scale:=3300 or 5000, what an input at the supply reads), or resistances, "
+                "which cannot be read?"
             )
 
 
@@ -83,8 +84,9 @@ def read_frames(
     Args:
         path: .mcap; .npy or .npz of (n, rows, cols), (rows, cols, n) or of a table, of an .npz its
             `frames` or first array, and `times` [s] if it has them; .csv, .txt, .tsv,
-            .log or .jsonl. A line of a table is a frame, row by row, or a row of the matrix, with columns of time, counter
-            or label in front or behind; a header and other lines may stand between.
+            .log or .jsonl. A line of a table is a frame, row by row, or a row of the matrix, with
+            columns of time, counter or label in front or behind; a header and other lines may
+            stand between.
         circuit: whose frames they are; None: as the recording says, of MCAP only.
         namespace: of the skin, of MCAP only.
         rate: frames a second, where the file has no times.

@@ -265,9 +265,9 @@ def _structure(lines, kind: tuple, end: bytes, shape: tuple[int, int] | None) ->
     if size:
         # a counter of frames that begins again looks like the number of a row
         next_to, below = _apart(values, 1), _apart(values, size[0])
-        rows = bool(_ROW.search(kind[0]))
-        turned = (width, size[0]) == shape != (size[0], width) and not rows
-        named = rows or turned or (size[0], width) == shape
+        says_row = bool(_ROW.search(kind[0]))
+        turned = (width, size[0]) == shape != (size[0], width) and not says_row
+        named = says_row or turned or (size[0], width) == shape
         about = f"a {'column' if turned else 'row'} a line, with its number: {size[0]} of {width}"
         differ = named or below < _LIKE_BEFORE_NUMBERED * next_to
         if turned:
