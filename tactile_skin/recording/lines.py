@@ -25,6 +25,7 @@ _UNIT = re.compile(r"^[#\s]*units?\b[^:=]*[:=\s]\s*(.*)$", re.IGNORECASE)
 # Units that no ADC has, of systems that were calibrated.
 _PRESSURE = re.compile(r"n/(cm|mm|m)|k?pa$|mmhg|psi|kg|mbar|bar$|newton", re.IGNORECASE)
 _NAME = re.compile(r'(?<![\w"])"?([A-Za-z_][\w .]*)"?\s*[:=]')  # of a number
+_HEADING = 3  # names in a line above the rows of a frame, at most
 _TEXT = 0.5  # share of a line's fields that are no numbers, at least, where it is no line of them
 _LARGEST_REFERENCE = 1 << 26  # bytes
 _PART = 0.5  # share of a frame's fields that a damaged line holds, at least
@@ -59,8 +60,9 @@ def read_text(text: str, circuit: Circuit) -> Found:
     width -= trails
     begin = alike[0].number
     header: list[str] = next((line.words for line in reversed(texts) if line.number < begin), [])
-    header = header[:width] if len(header) - trails == width else []
-    header = header or _named(lines[begin - 1])[1]
+    header = next(
+        (h[:width] for h in (header, _named(lines[begin - 1])[1]) if len(h) - trails == width), []
+    )
     _check_unit(texts)
     found = frames_of(_table(numeric, width, trails, header), circuit)
     notes = []
@@ -83,9 +85,9 @@ def read_text(text: str, circuit: Circuit) -> Found:
 def _named(line: str) -> tuple[str, list[str]]:
     """Return a line without names in front of its numbers, as of a JSON object, and each's name.
 
-    What is in an array has none. A line with one name, and no brace in front, is left as it is.
+    What is in an array has none. A heading, of few names with no brace in front, stays as it is.
     """
-    if not (line.lstrip().startswith("{") or len(_NAME.findall(line)) > 1):
+    if not (line.lstrip().startswith("{") or len(_NAME.findall(line)) > _HEADING):
         return line, []
     fields = [_NAME.search(field) if "[" not in field else None for field in line.split(",")]
     return _NAME.sub(" ", line), [field[1] if field else "" for field in fields]
@@ -115,7 +117,11 @@ def _words(line: str, separator: str | None, point: str) -> list[str]:
     if separator is None:
         return line.split()
     quoted = '"' in line
-    words = next(csv.reader([line], delimiter=separator)) if quoted else line.split(separator)
+    words = (
+        next(csv.reader([line], delimiter=separator, skipinitialspace=True))
+        if quoted
+        else line.split(separator)
+    )
     return [w.strip().replace(",", point) for w in words]
 
 

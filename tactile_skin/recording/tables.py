@@ -13,7 +13,7 @@ from ..physics.circuit import Circuit
 from . import columns
 from .columns import Column, Role
 
-ABSENT = {"", "-", "nan"}  # fields that stand for a crossing that was not read
+ABSENT = {"", "-", "nan", "null"}  # fields that stand for a crossing that was not read
 _LINES_OF_CELLS = 8  # frames in which lines that hold a cell each are looked for
 _NUMBERED = 16  # cells of which no reading looks like a header that numbers them: 0, 1, 2 ...
 

@@ -230,7 +230,7 @@ def test_what_was_not_read_stays_so(tmp_path):
 def test_counts_beyond_the_adc_are_refused(tmp_path):
     path = tmp_path / "a.npy"
     np.save(path, FRAMES * 100.0)
-    said = r"adc_bits = 10 ends at 1023: an ADC of more bits \(adc_bits\), millivolts .* or resistances"
+    said = r"adc_bits = 10 ends at 1023: an ADC of more bits .*, millivolts .*, or resistances"
     with pytest.raises(FileError, match=said):
         read_frames(path, CIRCUIT).ratio(ADC)
 
