@@ -21,8 +21,8 @@ SECONDS = 4.0  # s to listen at each rate: an Arduino that is opened is in its b
 _SAMPLE = 200  # characters of what arrives
 _USUAL_WIDTHS = (10, 12)  # bits of the ADCs of nearly all boards
 _SCALES = (
-    "1023 or 4095 of ADC steps or their means, 3.3 or 5 of volts, 3300 or 5000 of millivolts; "
-    "resistances and forces cannot be read: print what the ADC reads"
+    "1023 or 4095 of ADC steps or their means, 3.3 or 5 of volts, 3300 or 5000 of millivolts, 1 of "
+    "ratios; resistances and forces cannot be read: print what the ADC reads"
 )
 _R_PAR = {"loaded": PIN, "grounded": 0.0, "virtual_ground": 0.0}  # ohm
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from ..findings.finding import BESIDE_THE_REST, Finding, Severity
+from ..findings.finding import BESIDE_THE_REST, Finding
 from ..health.skin import Skin
 from ..learning import network
 from ..middleware.bus import DurabilityPolicy, QoSProfile

@@ -87,7 +87,8 @@ def _named(line: str) -> tuple[str, list[str]]:
 
     What is in an array has none. A heading, of few names with no brace in front, stays as it is.
     """
-    if not (line.lstrip().startswith("{") or len(_NAME.findall(line)) > _HEADING):
+    named = ":" in line or "=" in line
+    if not named or (line.lstrip()[:1] != "{" and len(_NAME.findall(line)) <= _HEADING):
         return line, []
     fields = [_NAME.search(field) if "[" not in field else None for field in line.split(",")]
     return _NAME.sub(" ", line), [field[1] if field else "" for field in fields]

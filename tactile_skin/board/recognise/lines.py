@@ -238,9 +238,8 @@ def _structure(lines, kind: tuple, end: bytes, shape: tuple[int, int] | None) ->
     front += more
     numbers, values = np.hstack([lead, values[:, :front]]), values[:, front:]
     names, first, size, known = roles(numbers, values.shape[1], cells)
-    known = known or (
-        kind[0].endswith((":", "=")) and not front
-    )  # no reading has a name of its own
+    # what stands among names, in front of the last of them, is no reading
+    known = known or (kind[0].endswith((":", "=")) and not front)
     behind, ended = (0, True) if size else more_behind(values, cells)
     clear, values = clear and ended, values[:, : values.shape[1] - behind]
     doubt = next((line.doubt for line in chosen if line.doubt), "")
