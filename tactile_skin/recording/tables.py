@@ -93,7 +93,8 @@ def frames_of(table: Table, circuit: Circuit) -> Found:
         raise ValueError(
             "each line names the row and column of one reading: must be a frame a line, or a row "
             "of the matrix a line. With pandas: "
-            "table.pivot(index=TIME, columns=[ROW, COLUMN], values=READING).to_csv(FILE)"
+            "table.pivot(index=TIME, columns=[ROW, COLUMN], values=READING).to_csv(FILE, "
+            "header=False)"
         )
     layout = _layout(table, circuit)
     notes: list[str] = []
