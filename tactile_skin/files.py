@@ -6,6 +6,7 @@ Imports nothing of ours but errors. YAML is read by yaml_files.
 
 from __future__ import annotations
 
+import codecs
 import stat
 from pathlib import Path
 
@@ -36,6 +37,12 @@ def read_bytes(path, most: int) -> bytes:
     if len(data) > most:
         raise FileError(f"{path}: is too large: must be at most {most // 1024} KiB")
     return data
+
+
+def decode(data: bytes) -> str:
+    """Return UTF-8 text, or UTF-16 as PowerShell's > writes it; what is neither as U+FFFD."""
+    utf_16 = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    return data.decode("utf-16" if utf_16 else "utf-8-sig", "replace")
 
 
 def read_text(path, most: int) -> str:

@@ -25,7 +25,7 @@ MAY = {
     "findings": "",
     "calibration": "physics solvers readings findings",
     "health": "physics solvers readings findings calibration",
-    "board": "physics",
+    "board": "physics readings",
     "parameters": "fields physics touch behaviours board",
     "simulation": "physics board",
     "middleware": "fields files yaml_files msg physics touch parameters board",

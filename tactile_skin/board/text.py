@@ -20,6 +20,7 @@ import re
 
 import numpy as np
 
+from ..readings.scale import VOLTS
 from .frame import Frame, Parser, about
 
 _PLAIN = b"0123456789., \t\r;"  # what a line of numbers holds, and
@@ -28,11 +29,11 @@ _DIGITS = b"0123456789."
 _ABSENT = {b"", b"-", b"nan", b"NaN", b"NAN"}
 _SEPARATORS = b",;\t"
 _NEWS = 1.25  # by which a number exceeds what was named before it is named: each text is news
-VOLTS = 5.5  # V, the most that a board of 5 V prints; numbers up to it may be volts
 _ALIKE = 0.15  # by which the share of plain bytes of a damaged line may differ from a sound one's
 _PIECE = 0.5  # of a sound line's numbers that a damaged one has, at least
 _NUMBER = re.compile(rb"\d+")
 LABEL = re.compile(rb'"?[A-Za-z_][\w .]*"?(?:\[\d+\])?[ \t]*[:=]')
+_NAMES = r"[\s\[({]*" + LABEL.pattern.decode() + r"[ \t]*"  # of a place, as of a JSON object
 _OPEN, _CLOSE = b"[({<", b"])}>"
 BLANKED = bytes.maketrans(_OPEN + _CLOSE, b" " * 8)
 _AT_ENDS = re.compile(rb"^[\s\[({<]+|[\s\])}>]+(?=[,;\s]*$)")
@@ -104,7 +105,7 @@ class TextFormat:
             elif name == "skip":
                 parts.append(".*?")
             elif name:
-                parts.append(rf"(?P<{name}>\d+)")
+                parts.append(rf"(?:{_NAMES})?(?P<{name}>\d+)")
         return re.compile("".join(parts).encode(), re.DOTALL)
 
 

@@ -19,6 +19,11 @@ from ..yaml_files import write_yaml
 
 SECONDS = 4.0  # s to listen at each rate: an Arduino that is opened is in its boot loader for 2
 _SAMPLE = 200  # characters of what arrives
+_USUAL_WIDTHS = (10, 12)  # bits of the ADCs of nearly all boards
+_SCALES = (
+    "1023 or 4095 of ADC steps or their means, 3.3 or 5 of volts, 3300 or 5000 of millivolts, 1 of "
+    "ratios; resistances and forces cannot be read: print what the ADC reads"
+)
 _R_PAR = {"loaded": PIN, "grounded": 0.0, "virtual_ground": 0.0}  # ohm
 
 # A question, and what reads its answer, by ValueError if it is none: it is asked again then.
@@ -55,8 +60,7 @@ def conclude(
     if board:
         say(f"USB board {board[-1]} at {given['port']}")
     if shape and not found.fits(shape):
-        wrong, cells = f"rows = {shape[0]}, cols = {shape[1]}", found.seen.cells
-        raise ValueError(f"{wrong}: must be {cells} cells together, as a frame has")
+        raise ValueError(f"rows = {shape[0]}, cols = {shape[1]}: must be {_size(found.seen)}")
     rows, cols = shape or _cells(found, ask)
     if found.seen is not seen:  # the cells that were typed are not the numbers of a line
         seen = found.seen
@@ -77,10 +81,10 @@ def _recognised(found: Heard) -> str:
 
 def _cells(found: Heard, ask: Ask) -> tuple[int, int]:
     """Rows and columns, as the bytes say, or as typed."""
-    if found.seen.shape and found.fits(found.seen.shape):
+    if found.seen.shape and found.seen.sure:
         return found.seen.shape
     cells = found.seen.cells
-    usual = " x ".join(map(str, sides(cells)))
+    usual = " x ".join(map(str, found.seen.shape or sides(cells)))
 
     def read(typed: str) -> tuple[int, int]:
         words = (typed or usual).lower().replace("x", " ").replace(",", " ").split()
@@ -88,9 +92,15 @@ def _cells(found: Heard, ask: Ask) -> tuple[int, int]:
             shape = int(words[0]), int(words[1])
             if found.fits(shape):
                 return shape
-        raise ValueError(f"{typed!r}: must be rows x columns, {cells} cells together")
+        raise ValueError(f"{typed!r}: must be rows x columns, {_size(found.seen)}")
 
     return ask(f"rows x columns of its {cells} cells [{usual}]: ", read)
+
+
+def _size(seen: Seen) -> str:
+    if seen.shape:
+        return f"{seen.shape[0]} x {seen.shape[1]}, as the lines show"
+    return f"{seen.cells} cells together, as a frame has"
 
 
 def _answers(seen: Seen, answers: dict, ask: Ask) -> dict:
@@ -105,8 +115,9 @@ def _answers(seen: Seen, answers: dict, ask: Ask) -> dict:
         about = "reference resistor r_ref [ohm] [1780]: "
         answers["r_ref"] = ask(about, lambda typed: _number("r_ref", typed or "1780"))
     if not seen.adc_bits and "full_scale" not in answers:
-        usual = f"{_usual_scale(seen):g}"
-        about = f"what an input at the supply prints; largest so far {seen.largest:g} [{usual}]: "
+        usual = f"{scale:g}" if (scale := _usual_scale(seen)) else ""
+        brackets = f" [{usual}]" if usual else f" ({_SCALES})"
+        about = f"what an input at the supply prints; largest so far {seen.largest:g}{brackets}: "
         answers["full_scale"] = ask(about, lambda typed: _number("full_scale", typed or usual))
     return answers
 
@@ -132,12 +143,9 @@ def _number(name: str, text: str) -> float:
 
 
 def _usual_scale(seen: Seen) -> float:
-    """Return the smallest usual full scale that holds all readings."""
-    if seen.decimals and seen.largest <= 1.0:
-        return 1.0
-    if seen.decimals:
-        return next((volts for volts in (3.3, 5.0) if seen.largest <= volts + 0.1), 1023.0)
-    return float(2 ** max(_bits_of(seen.largest), WIDTHS[1]) - 1)
+    """Return the end of 10 or 12 bits where that may hold all readings; 0: they may be anything."""
+    ends = [] if seen.decimals else [2.0**bits - 1 for bits in _USUAL_WIDTHS]
+    return next((end for end in ends if seen.largest <= end), 0.0)
 
 
 def _circuit(seen: Seen, answers: dict) -> dict:

@@ -16,6 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..readings.labels import reads_below
+
 MOST = 4  # columns of a line that are no cells
 _UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _UNIT = re.compile(r"(?:^|[\[(_ .])(s|ms|us|µs|ns)[\])]?$", re.IGNORECASE)  # ends a column's name
@@ -53,7 +55,6 @@ _RISES = 0.95  # the same of a time, which may be set back
 _CLASSES = 20  # different values of a label
 _LARGEST_LABEL = 50
 _SELDOM = 0.1  # share of the lines in which a label changes
-_BELOW_CELLS = 4.0  # times that the cells read at least what a label reaches
 # Weight of what shows that a column is no cell.
 _NAMED = 2.0
 _LIKELY = 1.0
@@ -178,7 +179,7 @@ def _weight_of_label(values: np.ndarray, level: float) -> float | None:
     if not changes.any():
         return _CONSTANT
     seldom = changes.mean() < _SELDOM
-    return _LIKELY if seldom or _BELOW_CELLS * values.max() < level else None
+    return _LIKELY if seldom or reads_below(values, level) else None
 
 
 def _used(column: Column) -> int:

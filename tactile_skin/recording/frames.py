@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import FileError
-from ..files import read_bytes
+from ..files import decode, read_bytes
 from ..middleware.config import SkinConfig, read_skin
 from ..physics.adc import NOT_READ, Adc
 from ..physics.circuit import Circuit
@@ -27,7 +27,7 @@ _NO_PICKLE = (
     "is a pickle, which may run any program when it is read: must be plain numbers, as "
     "numpy.save(path, numpy.stack(frames)) writes them"
 )
-KINDS = (".mcap", ".npy", ".npz", ".csv", ".txt", ".tsv")
+KINDS = (".mcap", ".npy", ".npz", ".csv", ".txt", ".tsv", ".log", ".jsonl")
 _LARGEST = 1 << 30  # bytes of a file that is read at once
 _GAP = 5.0  # usual intervals from which on a gap is worth a word
 
@@ -66,8 +66,9 @@ class Frames(Found):
         if top > 2**circuit.adc_bits:
             raise FileError(
                 f"{self.path}: numbers up to {top:g}, but adc_bits = {circuit.adc_bits} ends at "
-                f"{circuit.full_scale}: an ADC of more bits (adc_bits), or millivolts "
-                "(full_scale:=3300 or 5000, what an input at the supply reads)?"
+                f"{circuit.full_scale}: an ADC of more bits (adc_bits), millivolts "
+                "(full_scale:=3300 or 5000, what an input at the supply reads), or resistances, "
+                "which cannot be read?"
             )
 
 
@@ -82,9 +83,10 @@ def read_frames(
 
     Args:
         path: .mcap; .npy or .npz of (n, rows, cols), (rows, cols, n) or of a table, of an .npz its
-            `frames` or first array, and `times` [s] if it has them; .csv, .txt or .tsv. A line of
-            a table is a frame, row by row, or a row of the matrix, with columns of time, counter
-            or label in front or behind; a header and other lines may stand between.
+            `frames` or first array, and `times` [s] if it has them; .csv, .txt, .tsv,
+            .log or .jsonl. A line of a table is a frame, row by row, or a row of the matrix, with
+            columns of time, counter or label in front or behind; a header and other lines may
+            stand between.
         circuit: whose frames they are; None: as the recording says, of MCAP only.
         namespace: of the skin, of MCAP only.
         rate: frames a second, where the file has no times.
@@ -110,7 +112,7 @@ def read_frames(
         if kind[:3] == ".np":
             found = _of_numpy(path, data, kind, circuit)
         else:
-            found = read_text(data.decode("utf-8-sig", errors="replace"), circuit)
+            found = read_text(decode(data), circuit)
     except FileError:
         raise
     except ValueError as error:
@@ -141,6 +143,8 @@ def _scaled(found: Frames, circuit: Circuit, full_scale: float | None) -> Frames
     cells = np.where(circuit.populated, found.values, np.nan)
     if scale.kind is Kind.STEPS and (done := processed(cells, circuit.adc_bits)):
         found.notes.append(str(done))
+    elif scale.kind is Kind.STEPS and (cells % 1 > 0.0).any():
+        found.notes.append(f"decimals up to {scale.high:.4g}: taken as means of ADC steps")
     if scale.kind is Kind.RATIOS:
         found.are_ratios = True
         found.notes.append(f"numbers up to {scale.high:.3g}: taken as ratios")

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import FileError
-from ..files import read_bytes, shorten
+from ..files import decode, read_bytes, shorten
 from ..physics.circuit import Circuit
 from .tables import ABSENT, Found, Table, frames_of, number
 
@@ -24,6 +24,8 @@ _ARROW = " -> "  # behind the time that the serial monitor of Arduino's IDE puts
 _UNIT = re.compile(r"^[#\s]*units?\b[^:=]*[:=\s]\s*(.*)$", re.IGNORECASE)
 # Units that no ADC has, of systems that were calibrated.
 _PRESSURE = re.compile(r"n/(cm|mm|m)|k?pa$|mmhg|psi|kg|mbar|bar$|newton", re.IGNORECASE)
+_NAME = re.compile(r'(?<![\w"])"?([A-Za-z_][\w .]*)"?\s*[:=]')  # of a number
+_HEADING = 3  # names in a line above the rows of a frame, at most
 _TEXT = 0.5  # share of a line's fields that are no numbers, at least, where it is no line of them
 _LARGEST_REFERENCE = 1 << 26  # bytes
 _PART = 0.5  # share of a frame's fields that a damaged line holds, at least
@@ -44,7 +46,10 @@ def read_text(text: str, circuit: Circuit) -> Found:
     lines = text.splitlines()
     numeric, texts = sort_lines(lines)
     if not numeric:
-        raise ValueError("holds no line of numbers")
+        first = next((f": the first is {shorten(line)}" for line in lines if line.strip()), "")
+        raise ValueError(
+            f"holds no line of numbers with commas, semicolons, tabs or spaces between{first}"
+        )
     weight: Counter[int] = Counter()
     for line in numeric:
         weight[len(line.words)] += len(line.words)
@@ -55,7 +60,9 @@ def read_text(text: str, circuit: Circuit) -> Found:
     width -= trails
     begin = alike[0].number
     header: list[str] = next((line.words for line in reversed(texts) if line.number < begin), [])
-    header = header[:width] if len(header) - trails == width else []
+    header = next(
+        (h[:width] for h in (header, _named(lines[begin - 1])[1]) if len(h) - trails == width), []
+    )
     _check_unit(texts)
     found = frames_of(_table(numeric, width, trails, header), circuit)
     notes = []
@@ -75,11 +82,23 @@ def read_text(text: str, circuit: Circuit) -> Found:
     return found
 
 
+def _named(line: str) -> tuple[str, list[str]]:
+    """Return a line without names in front of its numbers, as of a JSON object, and each's name.
+
+    What is in an array has none. A heading, of few names with no brace in front, stays as it is.
+    """
+    named = ":" in line or "=" in line
+    if not named or (line.lstrip()[:1] != "{" and len(_NAME.findall(line)) <= _HEADING):
+        return line, []
+    fields = [_NAME.search(field) if "[" not in field else None for field in line.split(",")]
+    return _NAME.sub(" ", line), [field[1] if field else "" for field in fields]
+
+
 def _separator(lines: list[str]) -> str | None:
     """Return the separator of the file; None: spaces."""
     counts = {mark: sum(line.count(mark) for line in lines) for mark in ";\t,"}
     for mark in ";\t,":  # a comma may be the point of decimals
-        if counts[mark] >= len(lines) / 2 and counts[mark]:
+        if counts[mark] >= len(lines) / 2 and counts[mark] and 2 * counts[mark] >= counts[","]:
             return mark
     return None
 
@@ -95,16 +114,22 @@ def _point(lines: list[str], separator: str | None) -> str:
 
 def _words(line: str, separator: str | None, point: str) -> list[str]:
     line = line.replace(_ARROW, separator or " ").translate(_BRACKETS)
+    line = line.replace("\t", ",") if separator == "," else line  # behind a time
     if separator is None:
         return line.split()
     quoted = '"' in line
-    words = next(csv.reader([line], delimiter=separator)) if quoted else line.split(separator)
+    words = (
+        next(csv.reader([line], delimiter=separator, skipinitialspace=True))
+        if quoted
+        else line.split(separator)
+    )
     return [w.strip().replace(",", point) for w in words]
 
 
 def sort_lines(lines: list[str]) -> tuple[list[Line], list[Line]]:
     """Return lines of numbers, and the others, each with its run."""
     numeric, texts, run, apart = [], [], 0, True
+    lines = [_named(line)[0] for line in lines]
     separator = _separator(lines[:_SAMPLE])
     point = _point(lines, separator)
     for k, line in enumerate(lines, 1):
@@ -164,7 +189,7 @@ def read_reference(path: str) -> tuple[np.ndarray, np.ndarray]:
         FileError: a line but the first that is not two numbers, times that do not rise.
         OSError: the file cannot be read.
     """
-    lines = read_bytes(path, _LARGEST_REFERENCE).decode("utf-8-sig", "replace").splitlines()
+    lines = decode(read_bytes(path, _LARGEST_REFERENCE)).splitlines()
     numeric, texts = sort_lines(lines)
     values: list[np.ndarray] = []
     for line in sorted([*numeric, *texts], key=lambda line: line.number):

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from itertools import permutations
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +13,8 @@ from ..physics.circuit import Circuit
 from . import columns
 from .columns import Column, Role
 
-ABSENT = {"", "-", "nan"}  # fields that stand for a crossing that was not read
+ABSENT = {"", "-", "nan", "null"}  # fields that stand for a crossing that was not read
+_LINES_OF_CELLS = 8  # frames in which lines that hold a cell each are looked for
 _NUMBERED = 16  # cells of which no reading looks like a header that numbers them: 0, 1, 2 ...
 
 
@@ -87,6 +89,13 @@ def frames_of(table: Table, circuit: Circuit) -> Found:
         ValueError: lines of another size, or columns that do not tell which of them are cells.
     """
     width = table.numbers.shape[1]
+    if _places(table.numbers, circuit):
+        raise ValueError(
+            "each line names the row and column of one reading: must be a frame a line, or a row "
+            "of the matrix a line. With pandas: "
+            "table.pivot(index=TIME, columns=[ROW, COLUMN], values=READING).to_csv(FILE, "
+            "header=False)"
+        )
     layout = _layout(table, circuit)
     notes: list[str] = []
     numbers = table.numbers[0]
@@ -104,7 +113,11 @@ def frames_of(table: Table, circuit: Circuit) -> Found:
     cells = range(split.front, split.front + layout.cells)
     first = _first_lines(table.runs, layout.lines)
     lines = first[:, None] + np.arange(layout.lines)
-    bad = _damaged(table, cells)[lines].any(1)
+    text = _with_text(table, cells)
+    bad = (table.damaged | text)[lines].any(1)
+    if text.any():
+        at = table.numbered[text][0]
+        notes.append(f"{text.sum()} lines with text for a number: dropped (the first: line {at})")
     values = table.numbers[lines][..., cells.start : cells.stop]
     values = values.reshape(len(first), -1, layout.cells)
     values = values.swapaxes(1, 2) if layout.turned else values
@@ -134,6 +147,20 @@ def frames_of(table: Table, circuit: Circuit) -> Found:
 def _holds(width: int, circuit: Circuit) -> str:
     rows, cols = circuit.shape
     return f"most lines hold {width} numbers, the circuit is {rows} x {cols} = {rows * cols}"
+
+
+def _places(numbers: np.ndarray, circuit: Circuit) -> bool:
+    """Whether two columns of (n, width) numbers run through all rows and columns of the matrix."""
+    (rows, cols), width = circuit.shape, numbers.shape[1]
+    if min(rows, cols) < 2 or width > 3 + columns.MOST:
+        return False
+    lines = numbers[: _LINES_OF_CELLS * rows * cols]
+    every = [np.array(list(np.ndindex(rows, cols))) + first for first in (0, 1)]
+    for pair in permutations(range(width), 2):
+        places, often = np.unique(lines[:, pair], axis=0, return_counts=True)
+        if often.min() > 1 and any(np.array_equal(places, each) for each in every):
+            return True
+    return False
 
 
 def _layout(table: Table, circuit: Circuit) -> _Layout:
@@ -170,14 +197,14 @@ def _written(table: Table, layout: _Layout, notes: list[str]) -> Table:
     return table.part(slice(last))
 
 
-def _damaged(table: Table, cells: range) -> np.ndarray:
-    """(n,) bool: lines of another width, or with text where a cell's number should be."""
-    damaged = table.damaged.copy()
+def _with_text(table: Table, cells: range) -> np.ndarray:
+    """(n,) bool: lines with text where a cell's number should be."""
+    found = np.zeros(len(table.numbers), bool)
     for k in cells:
         if k in table.texts:
             absent = np.array([word.lower() in ABSENT for word in table.texts[k]])
-            damaged |= np.isnan(table.numbers[:, k]) & ~absent
-    return damaged
+            found |= np.isnan(table.numbers[:, k]) & ~absent
+    return found
 
 
 def _first_lines(runs: np.ndarray, lines: int) -> np.ndarray:

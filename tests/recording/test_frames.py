@@ -104,6 +104,7 @@ def test_every_line_that_is_lost_is_counted(tmp_path):
         "1 lines before the numbers: passed over (the first: line 1)",
         "1 lines with text among the numbers: dropped (the first: line 6)",
         "1 lines of other than 6 fields: dropped (the first: line 4)",
+        "1 lines with text for a number: dropped (the first: line 10)",
         "1 lines in which no crossing was read: dropped (the first: line 7)",
         "3 fields without a number: taken as not read",
     ]
@@ -135,6 +136,8 @@ def test_times_of_a_clock_in_whole_seconds_are_spread(tmp_path):
     ("lines", "said"),
     [
         ([], "holds no line of numbers"),
+        (["|1|2|3|4|5|6|"], r"with commas, .* between: the first is '\|1\|2\|3"),
+        (["1,2,3,4,5,6 # mm"] * 3, r"holds no frame: 3 lines with text for a number"),
         (["hello", "world"], "holds no line of numbers"),
         (["1,2,3,4"] * 5, "most lines hold 4 numbers, the circuit is 2 x 3 = 6"),
         (["1,2,3,4,5,6,7,8"] * 5, "most lines hold 8 numbers"),
@@ -227,7 +230,7 @@ def test_what_was_not_read_stays_so(tmp_path):
 def test_counts_beyond_the_adc_are_refused(tmp_path):
     path = tmp_path / "a.npy"
     np.save(path, FRAMES * 100.0)
-    said = r"adc_bits = 10 ends at 1023: an ADC of more bits \(adc_bits\), or millivolts"
+    said = r"adc_bits = 10 ends at 1023: an ADC of more bits .*, millivolts .*, or resistances"
     with pytest.raises(FileError, match=said):
         read_frames(path, CIRCUIT).ratio(ADC)
 

@@ -164,6 +164,44 @@ def test_a_shape_that_no_frame_has_is_refused(tmp_path, monkeypatch, capsys):
     assert not (tmp_path / "mine.yaml").exists()
 
 
+def test_lines_of_another_length_than_was_given_are_refused(tmp_path, monkeypatch, capsys):
+    """Their cells are as many, but no frame would ever be read."""
+    noise = np.random.default_rng(4).integers(0, 5, (30, 8, 6))
+    pictures = 400 + 20 * np.arange(8)[:, None] + noise
+    (tmp_path / "bytes.bin").write_bytes(boards.sent(boards.row_a_line, pictures))
+    monkeypatch.chdir(tmp_path)
+    assert main(["detect", "bytes.bin", "rows:=6", "cols:=8", "r_ref:=470"]) == 2
+    assert "rows = 6, cols = 8: must be 8 x 6, as the lines show" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("form", ["{:.1f}", "{:.0f}"])
+def test_no_scale_is_proposed_for_numbers_that_may_be_resistances(
+    form, tmp_path, monkeypatch, capsys
+):
+    kilo = 1e-3 if "1" in form else 1.0
+    ohm = np.random.default_rng(4).uniform(9_000.0, 11_000.0, (30, 64)) * kilo
+    (tmp_path / "bytes.bin").write_text("\n".join(",".join(map(form.format, r)) for r in ohm))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.stdin", io.StringIO("8 x 8\nfloating\n1780\n\n"))
+    assert main(["detect", "bytes.bin"]) == 2
+    said = capsys.readouterr()
+    assert "resistances and forces cannot be read: print what the ADC reads" in said.out
+    assert "full_scale = '': must be a number above 0" in said.err
+
+
+def test_a_shape_that_is_not_sure_is_asked(tmp_path, monkeypatch):
+    """A counter of frames looks like the number of a row."""
+    pictures = np.random.default_rng(4).integers(20, 900, (60, 8, 8))
+    data = boards.sent(lambda a, k: f"{k % 10}," + boards.frame_a_line(a, k), pictures)
+    (tmp_path / "bytes.bin").write_bytes(data)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.stdin", io.StringIO("8 x 8\nfloating\n1780\n\n"))
+    assert main(["detect", "bytes.bin"]) == 0
+    found = yaml.safe_load((tmp_path / "mine.yaml").read_text())
+    assert found["/**"]["ros__parameters"]["circuit"]["rows"] == 8
+    assert found["/**/serial_driver"]["ros__parameters"]["format"] == {"line": "{skip},{values}"}
+
+
 def test_what_a_parameter_file_knows_of_the_wiring_is_kept(tmp_path, monkeypatch):
     heard(tmp_path, monkeypatch, 6, 6)
     given = {"rows": 6, "cols": 6, "r_ref": 470.0, "r_par": 12.0, "adc_bits": 12, "inverted": True}

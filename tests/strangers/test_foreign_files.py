@@ -43,6 +43,23 @@ AROUND = {  # line, its number -> as it is printed; and the interval that its ti
         lambda words, k: f"{str(CLOCK + np.timedelta64(50 * k, 'ms'))[11:]} -> {words}",
         0.05,
     ),
+    "the clock of another monitor": (
+        lambda words, k: f"{str(CLOCK + np.timedelta64(50 * k, 'ms')).replace('T', ' ')}\t{words}",
+        0.05,
+    ),
+    "an object": (lambda words, k: f'{{"t_ms": {50 * k}, "data": [{words}]}}', 0.05),
+    "an object with a date": (
+        lambda words, k: f'{{"at": "{CLOCK + np.timedelta64(50 * k, "ms")}Z", "v": [{words}]}}',
+        0.05,
+    ),
+    "names": (
+        lambda words, k: " ".join(f"S{i}:{v}" for i, v in enumerate(words.split(","))),
+        None,
+    ),
+    "names and commas": (
+        lambda words, k: ",".join(f"S{i}: {v}" for i, v in enumerate(words.split(","))),
+        None,
+    ),
     "us behind": (lambda words, k: f"{words},{1_700_000_000_000_000 + 50_000 * k}", 0.05),
     "ns behind": (lambda words, k: f"{words},{1_700_000_000_000_000_000 + 50_000_000 * k}", 0.05),
     "a date in front": (lambda words, k: f"{CLOCK + np.timedelta64(50 * k, 'ms')},{words}", 0.05),
@@ -60,9 +77,52 @@ def test_a_column_that_is_no_cell_is_known_by_what_it_does(kind, tmp_path, steps
     found = read_frames(path, CIRCUIT)
     np.testing.assert_array_equal(found.values, steps)
     if interval is None:
-        assert found.times is None and found.notes
+        assert found.times is None and (found.notes or "names" in kind)
     else:
         assert np.diff(found.times) == pytest.approx(np.full(N - 1, interval), rel=1e-3)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_a_byte_order_mark_says_the_encoding(encoding, tmp_path, steps):
+    lines = "\r\n".join(map(line, steps))
+    (tmp_path / "a.log").write_bytes(lines.encode(encoding))
+    np.testing.assert_array_equal(read_frames(tmp_path / "a.log", CIRCUIT).values, steps)
+
+
+def test_a_row_less_costs_one_frame_where_each_has_a_heading(tmp_path, steps):
+    frames = [[f"frame: {k}, time: {50 * k}", *map(line, a)] for k, a in enumerate(steps)]
+    del frames[7][4]
+    lines = [each for frame in frames for each in frame]
+    found = read_frames(text(tmp_path / "a.csv", lines), CIRCUIT)
+    np.testing.assert_array_equal(found.values, np.delete(steps, 7, 0))
+
+
+def test_null_is_not_read(tmp_path, steps):
+    lines = [f'{{"v": [null, {line(a).partition(",")[2]}]}}' for a in steps]
+    values = read_frames(text(tmp_path / "a.jsonl", lines), CIRCUIT).values
+    assert np.isnan(values[:, 0, 0]).all() and np.isnan(values).sum() == N
+
+
+def test_rows_as_objects_are_a_row_a_line(tmp_path, steps):
+    rows = [f'{{"row": {r}, "v": {row.tolist()}}}' for a in steps for r, row in enumerate(a)]
+    np.testing.assert_array_equal(
+        read_frames(text(tmp_path / "a.jsonl", rows), CIRCUIT).values, steps
+    )
+
+
+@pytest.mark.parametrize("head", [[], ["time,row,col,value"]])
+@pytest.mark.parametrize("first", [0, 1])
+def test_a_cell_a_line_is_no_row_of_four(first, head, tmp_path):
+    cells = [(k, at) for k in range(9) for at in np.ndindex(4, 4)]
+    lines = [f"{50 * k},{r + first},{c + first},{300 + 7 * r + k}" for k, (r, c) in cells]
+    with pytest.raises(FileError, match="names the row and column of one reading: must be a frame"):
+        read_frames(text(tmp_path / "a.csv", head + lines), Circuit(4, 4))
+
+
+def test_decimals_are_taken_as_means_and_that_is_said(tmp_path, steps):
+    path = text(tmp_path / "a.csv", [line(frame / 90.0 + 0.25) for frame in steps])
+    notes = read_frames(path, CIRCUIT).notes
+    assert any("taken as means of ADC steps" in note for note in notes)
 
 
 SHAPES = {

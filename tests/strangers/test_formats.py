@@ -157,13 +157,21 @@ def test_a_number_that_is_the_same_in_all_lines_of_a_frame_is_no_reading(kind, k
     assert len(found) >= len(right) - 3
 
 
+@pytest.mark.parametrize("front", ["{},", "Frame {}: "])
 @pytest.mark.parametrize("force", [False, True])
 @pytest.mark.parametrize("period", [2, 10])
-def test_a_counter_of_frames_that_begins_again_is_never_sure_to_count_rows(period, force):
+def test_a_counter_of_frames_that_begins_again_is_never_sure_to_count_rows(period, force, front):
     right = pictures(60, force=force)
-    data = boards.sent(lambda a, k: f"{k % period},{_joined(a)}\n", right)
+    data = boards.sent(lambda a, k: front.format(k % period) + f"{_joined(a)}\n", right)
     assert not recognise(data).sure
     np.testing.assert_array_equal(read(data, recognise(data, SHAPE)), right[1:])
+
+
+@pytest.mark.parametrize("period", [10, 100, 256])
+def test_a_counter_that_begins_again_once_is_no_reading(period):
+    right = pictures(12)
+    seen = recognise(boards.sent(lambda a, k: f"{(k - 3) % period},{_joined(a)}\n", right))
+    assert seen.cells == right[0].size
 
 
 OTHERS = {  # what stands before a line's readings, what behind, and whether that shows
@@ -216,6 +224,19 @@ def test_packets_are_recognised_and_read(name):
     start = next(k for k in range(2) if np.array_equal(found[0], right[k]))
     np.testing.assert_array_equal(found, right[start : start + len(found)])
     assert len(found) >= len(right) - 2
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_bytes_of_a_quiet_mat_are_surely_no_words(seed):
+    """Two of them look like a word whose high byte has no noise."""
+    rng = np.random.default_rng(seed)
+    quiet = rng.integers(60, 480, SHAPE) + rng.integers(0, 2, (30, *SHAPE))
+    data = boards.sent(boards.words_with_a_sum, quiet)
+    seen = recognise(data)
+    assert not seen.sure or seen.cells == quiet[0].size
+    known = recognise(data, SHAPE)
+    assert known.sure
+    np.testing.assert_array_equal(read(data, known), quiet // 4)
 
 
 @pytest.mark.parametrize(

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import json
 
+from ...readings.scale import VOLTS
 from ..frame import Parser
 from ..packets import PacketParser
 from ..protocol import BinaryParser
-from ..text import VOLTS, TextParser
+from ..text import TextParser
 from .lines import recognise_lines
 from .periods import recognise_packets
 from .seen import Seen, shown
@@ -147,4 +148,4 @@ def _beyond(seen: Seen, largest: float) -> str:
         kinds.append(f"an ADC of {bits} bits or more")
     if largest <= 1000.0 * VOLTS:
         kinds.insert(0, "millivolts (serial_driver.format.full_scale)")
-    return f"{', or '.join([*kinds, 'sums of several readings'])}?"
+    return f"{', or '.join([*kinds, 'sums of several readings', 'resistances'])}?"

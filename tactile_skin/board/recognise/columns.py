@@ -5,13 +5,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...readings.labels import reads_below
+
 FEW = 4  # whole frames, at least, in a sample that makes sure
 STEADY = 0.95  # share of the steps of a counter that go up, or on by one
 _LONGEST_CYCLE = 4096  # cells of a frame
 _RISING = 8  # lines from which on chance makes no number rise all the time
 _MOST_IN_FRONT = 3  # numbers in front of readings, or behind them, that are none
 _CLASSES = 12  # different values, at most, of a last number that may be a class
-_BELOW = 4.0  # times that cells read at least what a class reaches, as recording.columns has it
 
 
 def _cycle(column: np.ndarray) -> int:
@@ -28,9 +29,11 @@ def _cycle(column: np.ndarray) -> int:
 
 
 def _rises(column: np.ndarray) -> bool:
-    """Whether a column is a time or a counter."""
+    """Whether a column is a time, or a counter, which may begin again from 0 or 1."""
     steps = np.diff(column)
-    return bool(len(steps) >= FEW and (steps > 0).mean() >= STEADY)
+    equal = len(np.unique(steps)) == 2 and np.median(steps) > 0  # but where it begins again
+    again = equal and column.min() in (0, 1) and steps.min() == -np.ptp(column)
+    return bool(len(steps) >= FEW and (again or (steps > 0).mean() >= STEADY))
 
 
 def _rises_in_front(column: np.ndarray) -> bool:
@@ -131,7 +134,7 @@ def _is_none(column: np.ndarray, readings: np.ndarray) -> bool:
         return True
     if (column % 1).any() and not (readings % 1).any():
         return True
-    return _class(column) and _BELOW * column.max() < np.median(readings, axis=0).min()
+    return _class(column) and reads_below(column, np.median(readings, axis=0).min())
 
 
 def more_behind(values: np.ndarray, cells: int) -> tuple[int, bool]:

@@ -29,7 +29,10 @@ _LIKE_BEFORE_UNMARKED = 0.5
 _LIKE_BEFORE_NUMBERED = 0.9
 _SHOWN_LINES = 3  # lines of readings in a sample
 _TIME = re.compile(rb"(?:\d+-\d+-\d+[T ])?\d+:\d+:\d+(?:[.,]\d+)?|\d+-\d+-\d+")
-_MARK = re.compile(rb"^(?P<label>[^,;\t]*?(?:[:=]|->))(?P<rest>[^:=]*)$", re.DOTALL)
+# A name, or a place such as (0, 1), and a mark behind.
+_MARK = re.compile(
+    rb"^(?P<label>[^,;\t]*?(?:\d,[^,;\t]{0,3}\d[^,;\t]*?)?(?:[:=]|->))(?P<rest>[^:=]*)$", re.DOTALL
+)
 # Words, with numbers among them, and a blank in front of readings that other marks separate.
 _WORDS = re.compile(
     rb"^(?P<label>[^,;\t]{0,40}[^\d\s,;.\-\[({][^,;\t]{0,40})(?: +|[ \t]+(?=[^\t]*$))"
@@ -37,6 +40,7 @@ _WORDS = re.compile(
     re.DOTALL,
 )
 _CHECK = re.compile(rb"\*[ \t]*[0-9A-Fa-f]{1,8}[ \t]*$")  # as NMEA ends a line
+_NAME = LABEL.pattern.decode()
 _LABELS = re.compile(rb"[\[{(\s]*" + LABEL.pattern)
 _COMMAS = re.compile(rb"(?:\d,\d+, +-?){3}")  # of fractions
 _GLUE = re.compile(rb"-?\d")
@@ -46,7 +50,9 @@ _MATS = (
     "on one board are entered"
 )
 _NUMBER = "\0"  # in a label: no board prints it in a line
+_ROW = re.compile(rf"\b(?:row|r)[\W_]*{_NUMBER}", re.IGNORECASE)
 _INTEGER = re.compile(r"\d+")
+_WHOLE = re.compile(rb"\s*\d+(?=[\s,]*$)")
 _NO_TEXT = re.compile("[^ -}]+")  # what differs from line to line, `~` in place of a time
 _NUMERIC = re.compile(rb"-?(?:\d+\.?\d*|\.\d+)|-|nan|NaN|NAN")
 _LINE_ENDS = (b"\n", b"\r", b"#", b">", b"]", b"}", b"|", b"$", b"!")
@@ -95,7 +101,10 @@ def _take_apart(line: bytes) -> _Line | None:
             pieces[k + 1 :] = [b"~," if b"," in pieces[k] else b"~"] * len(pieces[k + 1 :])
         doubt = _MATS if framed and sum(size > 1 for size in sizes[k:]) > 1 else ""
         if k:
-            joints = [b"~," if b"," in piece else b"~" for piece in pieces[:k]]
+            joints = [
+                (whole[0] if (whole := _WHOLE.match(piece)) else b"~") + b"," * (b"," in piece)
+                for piece in pieces[:k]
+            ]
             label = b"".join(m.group() + j for m, j in zip(marks, joints, strict=False))
             label += marks[k].group()
         body = b" ".join(pieces[k:])
@@ -185,11 +194,30 @@ def recognise_lines(data: bytes, shape: tuple[int, int] | None = None) -> Seen:
         return Seen("", _NO_NUMBERS, next(filter(bytes.strip, raw), data), text=True)
     kind = max(kinds, key=lambda each: (each[2] * kinds[each], each[2]))
     sample = b"".join(line + end for line in raw[: _SHOWN_LINES * len(raw) // kinds[kind]])
+    lines, kind = _without_names(lines, kinds, kind, shape)
     decimals = any(
         b"." in line for line, parts in zip(raw, lines, strict=True) if parts and parts.kind == kind
     )
     found = replace(_structure(lines, kind, end, shape), decimals=decimals)
     return _proved(replace(found, sample=sample, text=True), data, shape)
+
+
+def _without_names(lines, kinds: Counter, kind: tuple, shape) -> tuple[list, tuple]:
+    """Return lines and their kind without the names that rows have in turn, such as A:, B:, C:."""
+    alike = {k for k, n in kinds.items() if k[1:] == kind[1:] and 2 * n >= kinds[kind]}
+    if len(alike) < 2 or not all(re.fullmatch(_NAME, each[0]) for each in alike):
+        return lines, kind
+    names = " ".join(sorted(each[0] for each in alike))
+    doubt = f"{names} may begin the rows of one mat, or lines of several mats"
+    doubt = "" if shape == (len(alike), kind[2]) else doubt
+    mats = bool(shape) and shape[0] * shape[1] == kind[2]  # a line is a frame: one of them is read
+    bare = [
+        replace(line, label=line.label if mats else "", doubt=line.doubt or doubt)
+        if line and line.kind in alike
+        else line
+        for line in lines
+    ]
+    return bare, kind if mats else ("", *kind[1:])
 
 
 _NO_NUMBERS = (
@@ -210,6 +238,8 @@ def _structure(lines, kind: tuple, end: bytes, shape: tuple[int, int] | None) ->
     front += more
     numbers, values = np.hstack([lead, values[:, :front]]), values[:, front:]
     names, first, size, known = roles(numbers, values.shape[1], cells)
+    # what stands among names, in front of the last of them, is no reading
+    known = known or (kind[0].endswith((":", "=")) and not front)
     behind, ended = (0, True) if size else more_behind(values, cells)
     clear, values = clear and ended, values[:, : values.shape[1] - behind]
     doubt = next((line.doubt for line in chosen if line.doubt), "")
@@ -234,10 +264,16 @@ def _structure(lines, kind: tuple, end: bytes, shape: tuple[int, int] | None) ->
     if size:
         # a counter of frames that begins again looks like the number of a row
         next_to, below = _apart(values, 1), _apart(values, size[0])
-        named = bool(kind[0]) or (size[0], width) == shape
-        about = f"a row a line, with its number: {size[0]} of {width}"
+        says_row = bool(_ROW.search(kind[0]))
+        turned = (width, size[0]) == shape != (size[0], width) and not says_row
+        named = says_row or turned or (size[0], width) == shape
+        about = f"a {'column' if turned else 'row'} a line, with its number: {size[0]} of {width}"
         differ = named or below < _LIKE_BEFORE_NUMBERED * next_to
-        return seen(about, (size[0], width), sure=sure and differ)
+        if turned:
+            fmt = replace(fmt, line=fmt.line.replace("{row}", "{col}"))
+        elif not differ:
+            about += f", or a frame of {width} a line behind a counter: say which by rows and cols"
+        return seen(about, shape if turned else (size[0], width), sure=sure and differ)
     if width == 1 != (shape or (0, 0))[1]:
         return seen(_SINGLE, None, "")
     blocks = _blocks(lines, kind)

@@ -30,18 +30,23 @@ class Heard:
     def fits(self, shape: tuple[int, int]) -> bool:
         """Whether it is a board of this shape; it is recognised again where that leads to another.
 
-        A reading whose high byte never changes looks like the head of a packet.
+        A reading whose high byte never changes looks like the head of a packet, and columns that
+        are numbered look like rows.
         """
-        if shape[0] * shape[1] != self.seen.cells:
+        if not _is_of(self.seen, shape):
             seen = recognise(self.data, shape)
-            if seen.protocol and seen.cells == shape[0] * shape[1]:
+            if seen.protocol and _is_of(seen, shape):
                 self.seen = seen
-        return shape[0] * shape[1] == self.seen.cells
+        return _is_of(self.seen, shape)
 
     @property
     def rank(self) -> tuple:
         """The higher, the better it is understood."""
         return self.seen.sure, bool(self.seen.protocol), self.seen.text, self.seen.frames
+
+
+def _is_of(seen: Seen, shape: tuple[int, int]) -> bool:
+    return shape[0] * shape[1] == seen.cells and seen.shape in (None, shape)
 
 
 def listen(line, bauds, seconds: float, say: Callable[[str], None], shape=None) -> Heard:

@@ -26,6 +26,7 @@ _HEAD = 8  # bytes, at most, between a head's constant ones and the readings
 _CHECK_FRAMES = 4  # packets that a check must fit
 _STEADY = 0.7  # share of the steps of a counter that are its usual one: lost packets make others
 _HIGH_BYTE = 1 << 15  # words above it have their bytes in the other order, or are none
+_PAIR = 1 << 12  # words above it may be two bytes: few boards have an ADC of more bits
 _EVEN = 0.5  # rows over columns of most boards, at least
 
 
@@ -138,10 +139,10 @@ def _words(body: np.ndarray, packets: np.ndarray, fixed: int, rest: tuple, cells
     ends = [f"{c[0]:02X}" if (c == c[0]).all() else "??" for c in end.T]
     about = f"{words} readings of {word}" + (f", proved by {check}" if proved else "")
     fmt = PacketFormat(" ".join(pattern), word, check, unchecked, " ".join(ends))
-    clear = words == cells or (head == begin and packets[0][head - 1] != 0)  # 0: a cell's?
-    return Seen(
-        "packets", about, b"", fmt, None, words, sure=proved and clear, largest=float(values.max())
-    )
+    largest = float(values.max())
+    clear = head == begin and packets[0][head - 1] != 0 and largest < _PAIR  # 0: a cell's?
+    sure = proved and (clear or words == cells)
+    return Seen("packets", about, b"", fmt, None, words, sure=sure, largest=largest)
 
 
 def _behind_counters(packets: np.ndarray, fixed: int) -> int:
