@@ -72,9 +72,9 @@ class VirtualGround(Readout):
     ) -> Floats:
         """Return (..., rows, cols) the ADC ratio; r_par lies in series with each crossing."""
         held = np.full(len(r_ref), _HELD)
-        siemens = Loaded.of_network(replace(circuit, r_par=0.0), laplacian, lines, leads, held)
+        volts = Loaded.of_network(replace(circuit, r_par=0.0), laplacian, lines, leads, held)
         with np.errstate(divide="ignore"):
-            ohm = _HELD / siemens + circuit.r_par
+            ohm = _HELD / volts + circuit.r_par  # of a supply of 1 V
             adc = np.minimum((r_ref[:, None] if circuit.driven == "columns" else r_ref) / ohm, 1.0)
         return blank(adc, lines)
 
