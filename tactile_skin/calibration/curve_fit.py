@@ -51,7 +51,9 @@ class FittedCurve:
     Attributes:
         curve: with each cell's gain, 1 as far as the weights do not tell it;
             `curve.resting_at(1 / rest.conductance)` is that of each cell's rest, too.
-        error: RMS relative error to expect of the total force of a new object.
+        error: RMS relative error to expect of the total force of a new object, where it lies
+            within those of the frames that were used. That of lighter objects is several times
+            that, since no frame determines the first slopes.
         off: (n,) relative error of each frame's total, its object left out of the fit.
         odd: frames that were not used, since their weight contradicts the others'.
         unexplained: number of frames whose readings are not those of this circuit.
@@ -115,8 +117,8 @@ def fit_curve(frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
     kept = weights[used]
     message = [
         f"{len(np.unique(kept))} weights from {kept.min():.3g} to {kept.max():.3g} N: the total "
-        f"of a new object will be off by {error:.1%} (RMS); cells were loaded up to "
-        f"{hardest:.2g} N, beyond that the curve is a guess",
+        f"of a new object will be off by {error:.1%} (RMS) in this range, by several times that "
+        f"below it; cells were loaded up to {hardest:.2g} N, beyond that the curve is a guess",
         f"the cells' gains are {gain.min():.2f} to {gain.max():.2f}, as far as the weights tell "
         f"them: with all of them 1 it would be {without:.1%}",
     ]

@@ -26,13 +26,12 @@ def stands_anew(adc, before, last, noise: float) -> bool:
 
     Args:
         adc: (rows, cols) ADC ratio; NaN where a crossing was not read.
-        before: a frame shortly before it; None: there is none.
+        before: a frame shortly before it.
         last: the last that was asked; None: there is none.
         noise: RMS of a reading, as ADC ratio.
     """
-    if before is None or _rms(adc - before) > _STANDS * noise:
-        return False
-    return last is None or _rms(adc - last) > _NEW * noise
+    stands = _rms(adc - before) <= _STANDS * noise
+    return stands and (last is None or _rms(adc - last) > _NEW * noise)
 
 
 def _rms(values: np.ndarray) -> float:

@@ -17,7 +17,6 @@ from ..physics.circuit import Circuit
 
 NOWHERE = -1  # what an address selects when it selects no line
 LEAKAGE = 1e-10  # S, of any insulator that is good enough: it keeps severed parts solvable
-_DRIVER = 1e-3  # ohm of a driver that holds its line
 _INFINITE = 1e9  # ohm of what is not there: of an ADC's input, say
 
 
@@ -77,66 +76,21 @@ class Wiring:
 def voltage_ratio(conductance: np.ndarray, wiring: Wiring, circuit: Circuit) -> np.ndarray:
     """Return the ADC ratio (n, rows, cols) of a matrix of any readout.
 
+    An address that selects nothing reads 0, and drives nothing.
+
     Args:
         conductance: (n, rows, cols) of the cells [S], 0 where there is none.
         circuit: as it truly is.
     """
-    if circuit.readout == "floating":
-        rho = between_leads(conductance, wiring)
-        return circuit.r_ref / (circuit.r_ref + circuit.r_par + rho)
-    return driven_ratio(conductance, wiring, circuit)
-
-
-def between_leads(conductance: np.ndarray, wiring: Wiring) -> np.ndarray:
-    """Resistance [ohm] between each row and column address with every other line floating.
-
-    With the nodal matrix L of all stripes and severed parts, and K = (L + fill)^-1, where fill is a
-    constant matrix (L is singular along the constant vector, which no difference of voltages sees):
-    rho_ij = K_aa + K_bb - 2 K_ab for the nodes a and b that the addresses i and j select; infinite
-    for an address that selects nothing. Conductance and result are (n, rows, cols).
-    """
-    nodal = nodal_matrix(conductance, wiring)
-    every = np.arange(nodal.shape[1])
-    fill = nodal[:, every, every].mean(1) / len(every)
-    k = np.linalg.inv(nodal + fill[:, None, None])
-    own = k[:, every, every]
-    a, b = wiring.rows, wiring.stripes[0] + wiring.cols
-    rho = own[:, a, None] + own[:, None, b] - 2.0 * k[:, a[:, None], b[None, :]]
-    rho += wiring.row_lead[:, None] + wiring.col_lead
-    rho[:, wiring.rows == NOWHERE] = np.inf
-    rho[:, :, wiring.cols == NOWHERE] = np.inf
-    return rho
-
-
-def driven_ratio(conductance: np.ndarray, wiring: Wiring, circuit: Circuit) -> np.ndarray:
-    """ADC ratio of a loaded or grounded matrix, by Kirchhoff's laws for all its nodes at once.
-
-    An address that selects nothing reads 0, and drives nothing. As `voltage_ratio`.
-    """
-    nodal = nodal_matrix(conductance, wiring)
+    readout = circuit.readout_class
+    if not readout.has_cross_talk:  # r_par lies in series with each cell
+        conductance = conductance / (1.0 + circuit.r_par * conductance)
+        circuit = replace(circuit, r_par=0.0)
     cols = np.where(wiring.cols == NOWHERE, NOWHERE, wiring.cols + wiring.stripes[0])
-    lines = (wiring.rows, wiring.row_lead), (cols, wiring.col_lead)
-    (drive, before), (sense, behind) = lines if circuit.driven == "rows" else lines[::-1]
-    grounded = circuit.readout == "grounded"
-    r_ref = np.full(len(sense), circuit.r_ref)
+    r_ref = np.full(circuit.shape[1 - circuit.sense_axis], circuit.r_ref)
     r_ref[list(wiring.bare)] = _INFINITE
-    load = r_ref + behind + (circuit.r_par if grounded else 0.0)  # ohm
-    _lead_to_ground(nodal, sense, 1.0 / load)
-    if grounded:
-        driver = max(circuit.r_drive, _DRIVER)
-        _lead_to_ground(nodal, drive, 1.0 / (before + driver))
-    k = np.linalg.inv(nodal)
-    series = before + (driver if grounded else k[:, drive, drive] + circuit.r_par)  # ohm
-    u = k[:, drive[:, None], sense] / np.broadcast_to(series, (len(k), len(drive)))[:, :, None]
-    u *= r_ref / load
-    u[:, drive == NOWHERE], u[:, :, sense == NOWHERE] = 0.0, 0.0
-    return u if circuit.driven == "rows" else u.swapaxes(1, 2)
-
-
-def _lead_to_ground(nodal: np.ndarray, nodes: np.ndarray, siemens: np.ndarray) -> None:
-    there = nodes != NOWHERE  # several addresses may select one node
-    every = np.arange(nodal.shape[1])
-    nodal[:, every, every] += np.bincount(nodes[there], siemens[there], len(every))
+    lines, leads = (wiring.rows, cols), (wiring.row_lead, wiring.col_lead)
+    return readout.of_network(circuit, nodal_matrix(conductance, wiring), lines, leads, r_ref)
 
 
 def nodal_matrix(conductance: np.ndarray, wiring: Wiring) -> np.ndarray:

@@ -35,8 +35,7 @@ def _learned(reading: Reading, weights, method: str, kind: str) -> Estimate:
     force = weights.predict(reading.adc)  # of cells that are all alike
     if reading.curve.gain is not None:
         force *= reading.curve.gain
-    if reading.circuit.mask is not None:
-        force *= reading.circuit.populated
+    force *= reading.circuit.populated
     force, there = _with_single_cells(force, network_of(force, reading), reading)
     return estimate_from_force(force, reading, method, network=there)
 
@@ -50,9 +49,7 @@ def _with_single_cells(force: np.ndarray, there: tuple, reading: Reading):
     need not be accurate.
     """
     around = 1.0 / there[2].rho - there[1]  # S
-    alone = around * reading.rho < 1.0 - _OWN_SHARE
-    if reading.circuit.mask is not None:
-        alone &= reading.circuit.populated
+    alone = reading.circuit.populated & (around * reading.rho < 1.0 - _OWN_SHARE)
     if not alone.any():
         return force, there
     own = 1.0 / reading.rho - around

@@ -92,14 +92,11 @@ def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:
     done = _DONE_NOISY if reading.noise else _DONE
     for iteration in range(MAX_STEPS):
         rho = reading.rho_of(network)
-        gradient = rho - rho_measured
-        if circuit.mask is not None:
-            gradient *= circuit.mask
+        gradient = (rho - rho_measured) * circuit.populated
         # A cell on its bound is held there if the gradient pushes outwards.
         at_rest = g <= low * BOUND
         held = np.where(at_rest, gradient <= chance, (g >= top) & (gradient >= 0.0))
-        held = held if circuit.mask is None else held | ~circuit.mask
-        (now,) = (~held).ravel().nonzero()
+        (now,) = (~held & circuit.populated).ravel().nonzero()
         if not now.size:
             return g, iteration, True
         here = rho.ravel()[now]
@@ -135,11 +132,10 @@ def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:
 def _climb(reading: Reading, g, network, step, gradient):
     """Return g after the step, or as much of it as gains height, and the network there."""
     low, high = reading.bounds
-    cells = reading.circuit.mask
     height = None
     for halving in range(40):
         new = np.minimum(np.maximum(g + step, np.maximum(low, 0.05 * g)), high)
-        new = new if cells is None else new * cells
+        new *= reading.circuit.populated
         there = readouts.solve(reading.circuit, new)
         change = new - g
         if np.abs(change).max() < 1e-2 * low.min():  # so near that phi's own rounding would decide

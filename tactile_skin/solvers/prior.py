@@ -267,14 +267,13 @@ def information(jacobian: np.ndarray) -> np.ndarray:
     return blas.ssyrk(1.0, jacobian.T, lower=1).T
 
 
-def precision(information, prior: Quadratic, between: Differences | None, free: np.ndarray):
+def precision(information, prior: Quadratic, between: Differences, free: np.ndarray):
     """(n, n) of the cost over the n free cells, upper triangle: J^T J and the prior's."""
-    total = information.copy()
-    entries = None if between is None else prior.entries
+    total, entries = information.copy(), prior.entries
     if compiled.add_terms(total, prior.diagonal, entries, free):
         return total
     total.reshape(-1)[:: free.size + 1] += prior.diagonal.ravel()[free]
-    if entries is None or between is None:
+    if entries is None:
         return total
     place = np.full(prior.diagonal.size, -1, np.int32)
     place[free] = np.arange(free.size)
@@ -324,7 +323,7 @@ def with_neighbours(
     for _ in range(_STEPS):
         terms = known(point.x, 1.0, mean, std, unknown)
         b = (point.pull - terms.gradient).ravel()[free]
-        matrix = precision(data, terms, None, free)
+        matrix = precision(data, terms, differences(reading.circuit), free)
         dx, factor, inside = solve_in_box(matrix, b, *point.ends(free))
         if factor is None or not np.isfinite(dx).all():
             return None

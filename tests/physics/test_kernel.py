@@ -181,10 +181,10 @@ def test_the_prior_is_numpys(rng, monkeypatch, shape):
         np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
     free = np.flatnonzero(rng.random(shape) < 0.6)
     jacobian = rng.standard_normal((x.size, free.size)).astype(np.float32)
-    for joined in (between, None):
+    for terms in (plain, plain._replace(entries=None)):
         one, other = both(
             monkeypatch,
-            lambda joined=joined: prior.precision(prior.information(jacobian), plain, joined, free),
+            lambda terms=terms: prior.precision(prior.information(jacobian), terms, between, free),
         )
         np.testing.assert_allclose(np.triu(one), np.triu(other), rtol=1e-6, atol=1e-4)
 

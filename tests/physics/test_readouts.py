@@ -14,7 +14,7 @@ from tactile_skin.physics.circuit import circuit_from
 IDEAL = [("grounded", "rows"), ("grounded", "columns")]
 HELD = [("grounded", "rows", "40"), ("grounded", "columns", "0.3")]  # r_drive [ohm]
 KINDS = [("loaded", "rows"), ("loaded", "columns"), *IDEAL, *HELD]
-ALL = [("floating", "rows"), *KINDS]
+ALL = [("floating", "rows"), ("virtual_ground", "rows"), ("virtual_ground", "columns"), *KINDS]
 
 
 def skin(rows, cols, kind, **others) -> Circuit:

@@ -5,17 +5,21 @@ import numpy as np
 import pytest
 from support import faulty
 from support.faulty import SHAPE, board_of, frames, pressed
-from support.kirchhoff import adc_ratio
+from support.kirchhoff import adc_ratio, nodal_reading
 from support.lab.board import FaultBoard
 from support.lab.damage import ELECTRICAL
 from support.lab.parts import BadFabric
 
 from tactile_skin import Circuit, PressureCurve, forward
-from tactile_skin.simulation.network import NOWHERE, Wiring, between_leads, driven_ratio
+from tactile_skin.simulation.network import NOWHERE, Wiring, voltage_ratio
 
 
 def cells(shape=SHAPE, seed=0):
     return np.random.default_rng(seed).uniform(100.0, 5000.0, shape)
+
+
+def read(resistance, wiring: Wiring) -> np.ndarray:
+    return voltage_ratio(1.0 / resistance[None], wiring, Circuit(*resistance.shape))[0]
 
 
 def literal(resistance, wiring: Wiring) -> np.ndarray:
@@ -51,9 +55,8 @@ def literal(resistance, wiring: Wiring) -> np.ndarray:
 
 def test_a_sound_wiring_meets_the_papers_equations():
     resistance = cells()
-    rho = between_leads(1.0 / resistance[None], Wiring.sound(*SHAPE))[0]
     expected = adc_ratio(resistance, 1780.0, 326.0)
-    np.testing.assert_allclose(1780.0 / (1780.0 + 326.0 + rho), expected, rtol=1e-5)
+    np.testing.assert_allclose(read(resistance, Wiring.sound(*SHAPE)), expected, rtol=1e-5)
 
 
 @pytest.mark.filterwarnings("ignore:Could not import `badcrossbar.plot`")
@@ -73,8 +76,8 @@ def test_leads_meet_badcrossbar():
     y = np.block([[of_rows, -rows_to_cols.T], [-rows_to_cols, of_cols[::-1, ::-1]]])
     k = np.linalg.pinv((y + y.T) / 2.0)
     expected = k.diagonal()[:rows, None] + k.diagonal()[rows:] - 2.0 * k[:rows, rows:]
-    rho = between_leads(1.0 / resistance[None], Wiring.sound(*SHAPE))[0]
-    np.testing.assert_allclose(rho, expected, rtol=1e-3)
+    found = read(resistance, Wiring.sound(*SHAPE))
+    np.testing.assert_allclose(found, Circuit(*SHAPE).ratio(expected), rtol=1e-3)
 
 
 WIRES = [
@@ -88,9 +91,10 @@ WIRES = [
 def test_damaged_wires_meet_a_solve_of_each_reading(name):
     board = damaged(name, SHAPE)
     resistance = cells()
-    found = between_leads(1.0 / resistance[None], board.matrix.wiring)[0]
-    np.testing.assert_allclose(found, literal(resistance, board.matrix.wiring), rtol=1e-4)
-    sound = between_leads(1.0 / resistance[None], Wiring.sound(*SHAPE))[0]
+    found = read(resistance, board.matrix.wiring)
+    expected = Circuit(*SHAPE).ratio(literal(resistance, board.matrix.wiring))
+    np.testing.assert_allclose(found, expected, rtol=1e-4)
+    sound = read(resistance, Wiring.sound(*SHAPE))
     assert not np.allclose(found, sound, rtol=1e-3)
 
 
@@ -133,22 +137,31 @@ def test_bits_ceilings_and_drifts():
     assert 0.1 < line.any(1).mean() < 0.9
 
 
-@pytest.mark.parametrize("readout", ["loaded", "grounded"])
+@pytest.mark.parametrize("readout", ["loaded", "grounded", "virtual_ground"])
 @pytest.mark.parametrize("driven", ["rows", "columns"])
 def test_other_readouts_are_read_as_the_circuit_says(readout, driven):
-    """And behind an open lead nothing is, while a lead of 1 kohm lowers its line's readings."""
-    circuit = Circuit(4, 6, readout=readout, driven=driven)
+    """And behind an open lead nothing is, while a lead of 1 kohm lowers its line's readings.
+
+    Lines that touch read as a solve of each reading says.
+    """
+    circuit = Circuit(4, 6, r_ref=300.0, readout=readout, driven=driven)
     resistance = 10.0 ** np.random.default_rng(4).uniform(2.0, 4.5, (2, 4, 6))
     wiring = Wiring.sound(4, 6)
-    sound = driven_ratio(1.0 / resistance, wiring, circuit)
+    sound = voltage_ratio(1.0 / resistance, wiring, circuit)
     assert sound == pytest.approx(forward(circuit, resistance), abs=2e-5)  # a driver has 1 mohm
     for lead, line in (wiring.row_lead, np.s_[:, 1]), (wiring.col_lead, np.s_[:, :, 1]):
         lead[1] = 1000.0
-        led = driven_ratio(1.0 / resistance, wiring, circuit)
+        led = voltage_ratio(1.0 / resistance, wiring, circuit)
         assert (led[line] < sound[line]).all()
         lead[1] = 0.0
+    for axis, line in (0, 1), (1, 4 + 1):  # of rows and then columns
+        wiring.ties = [(axis, 1, axis, 2, 0.05)]
+        expected = [nodal_reading(ohm, circuit, (line, line + 1, 0.05)) for ohm in resistance]
+        found = voltage_ratio(1.0 / resistance, wiring, circuit)
+        assert found == pytest.approx(np.array(expected), abs=1e-4)
+    wiring.ties = []
     wiring.rows[3] = wiring.cols[0] = NOWHERE
-    cut = driven_ratio(1.0 / resistance, wiring, circuit)
+    cut = voltage_ratio(1.0 / resistance, wiring, circuit)
     assert (cut[:, 3] == 0.0).all() and (cut[:, :, 0] == 0.0).all() and (cut[:, 0, 1:] > 0).all()
 
 

@@ -12,7 +12,7 @@ from support.troubled import expose
 from tactile_skin import Circuit, PressureCurve, forward
 from tactile_skin.physics.curve import GRAM
 from tactile_skin.simulation import scenes
-from tactile_skin.simulation.network import NOWHERE, Wiring, between_leads
+from tactile_skin.simulation.network import NOWHERE, Wiring, voltage_ratio
 from tactile_skin.simulation.textile import Textile
 
 CIRCUIT, CURVE = Circuit(), PressureCurve()
@@ -30,7 +30,10 @@ def two_terminal(resistance, stripe=0.0, damage=lambda wiring: None):
     wiring = replace(Wiring.sound(*resistance.shape[-2:]), stripe=stripe, leakage=0.0)
     damage(wiring)
     frames = resistance.reshape(-1, *resistance.shape[-2:])
-    return between_leads(1.0 / frames, wiring).reshape(resistance.shape)
+    divider = Circuit(*frames.shape[1:], r_par=0.0)
+    adc = voltage_ratio(1.0 / frames, wiring, divider).reshape(resistance.shape)
+    with np.errstate(divide="ignore"):  # of a line that reads nothing
+        return divider.r_ref / adc - divider.r_ref
 
 
 def seen(skin: Textile, force, seed=0, circuit=CIRCUIT):

@@ -70,7 +70,7 @@ def nodal_reading(resistance: np.ndarray, circuit, short=None) -> np.ndarray:
     """ADC ratio of every crossing of any readout, by Kirchhoff's node law; supply 1 V.
 
     Every line is a node, the divider's middle, the ground and the supply are others; each crossing
-    is read by a solution of its own.
+    is read by a solution of its own. An amplifier reads the current into the line that it holds.
 
     Args:
         short: (line, line, conductance) between two lines, rows first.
@@ -79,7 +79,9 @@ def nodal_reading(resistance: np.ndarray, circuit, short=None) -> np.ndarray:
     divider, ground, supply = rows + cols, rows + cols + 1, rows + cols + 2
     cell = np.isfinite(resistance)
     row, col = np.nonzero(cell)
-    wires = np.stack([row, rows + col, 1.0 / resistance[cell]], 1)  # node, node, conductance
+    amplified = circuit.readout == "virtual_ground"
+    ohm = resistance[cell] + (circuit.r_par if amplified else 0.0)
+    wires = np.stack([row, rows + col, 1.0 / ohm], 1)  # node, node, conductance
     if short:
         wires = np.vstack([wires, short])
     drives, senses = np.arange(rows), np.arange(rows, rows + cols)
@@ -90,6 +92,13 @@ def nodal_reading(resistance: np.ndarray, circuit, short=None) -> np.ndarray:
         drive, sense = (r, rows + c) if circuit.driven == "rows" else (rows + c, r)
         fixed, at = {ground: 0.0, supply: 1.0}, divider
         before, behind = (drive, supply), (sense, divider)
+        if amplified:
+            voltage = _voltages(wires, {drive: 1.0} | dict.fromkeys(senses, 0.0), supply + 1)
+            into = (wires[:, :2] == sense).any(1)
+            ends = wires[into][:, :2].astype(int)
+            amperes = wires[into, 2] @ voltage[ends].sum(1)  # of the two ends one is at 0 V
+            out[r, c] = min(circuit.r_ref * amperes, 1.0)
+            continue
         if circuit.readout == "loaded":
             at, behind = sense, before
             more = [(line, ground, 1.0 / circuit.r_ref) for line in senses]

@@ -15,7 +15,7 @@ from .readout import Pair, Readout, blank
 if TYPE_CHECKING:
     from ..circuit import Circuit
 
-DRIVER = 0.1  # ohm of a driver that holds its line, where it is taken as ideal
+DRIVER = 1e-3  # ohm of a driver that holds its line, where it is taken as ideal
 LEAST_SCALE = 1e-6  # of `apparent`: noise of a saturated frame may leave less, or less than 0
 
 
@@ -73,7 +73,7 @@ class Driven(Readout):
 
         Args:
             before: (driven,) leads [ohm].
-            own: (driven,) of each line to ground, not driven [ohm].
+            own: (..., driven) of each line to ground, not driven [ohm].
         """
 
     def _of_inverse(self, k: Floats, drive: Floats | float) -> None:
@@ -168,14 +168,14 @@ class Driven(Readout):
         turned = circuit.driven == "columns"
         (drive, sense), (before, behind) = (lines[::-1], leads[::-1]) if turned else (lines, leads)
         load = r_ref + behind + cls._before_r_ref(circuit)  # ohm
-        siemens = np.zeros(len(laplacian))
-        np.add.at(siemens, sense[sense >= 0], 1.0 / load[sense >= 0])
-        np.add.at(siemens, drive[drive >= 0], cls._to_idle(circuit, before)[drive >= 0])
-        k = np.linalg.inv(laplacian + np.diag(siemens)).astype(np.float64, copy=False)
-        at_drive = cls._from_supply(circuit, before, k.diagonal()[drive])
+        nodes = np.concatenate([sense, drive])  # several addresses may select one
+        siemens = np.concatenate([1.0 / load, cls._to_idle(circuit, before)])
+        to_ground = np.bincount(nodes[nodes >= 0], siemens[nodes >= 0], laplacian.shape[-1])
+        k = np.linalg.inv(laplacian + np.diag(to_ground)).astype(np.float64, copy=False)
+        at_drive = cls._from_supply(circuit, before, k[..., drive, drive])
         share = np.divide(r_ref, load, out=np.ones(len(load)), where=np.isfinite(r_ref))
-        adc = share * k[np.ix_(drive, sense)] / at_drive[:, None]
-        return blank(adc.T if turned else adc, lines)
+        adc = share * k[..., drive[:, None], sense] / at_drive[..., None]
+        return blank(adc.swapaxes(-1, -2) if turned else adc, lines)
 
     @classmethod
     def sharing(cls, circuit: Circuit, cells: float, picture: Floats | None) -> float:

@@ -98,11 +98,11 @@ class Floating(Readout):
         leads: Pair,
         r_ref: Floats,
     ) -> Floats:
-        every = np.arange(len(laplacian))
-        k = np.linalg.inv(laplacian + laplacian[every, every].mean() / len(every))
-        (a, b), own = lines, k.diagonal()
-        rho = own[a][:, None] + own[b] - 2.0 * k[np.ix_(a, b)] + leads[0][:, None] + leads[1]
-        return blank(circuit.ratio(rho), lines)
+        fill = laplacian.diagonal(axis1=-2, axis2=-1).mean(-1) / laplacian.shape[-1]
+        k = np.linalg.inv(laplacian + fill[..., None, None])
+        (a, b), own = lines, k.diagonal(axis1=-2, axis2=-1)
+        rho = own[..., a, None] + own[..., None, b] - 2.0 * k[..., a[:, None], b]
+        return blank(circuit.ratio(rho + leads[0][:, None] + leads[1]), lines)
 
     @classmethod
     def sharing(cls, circuit: Circuit, cells: float, picture: Floats | None) -> float:

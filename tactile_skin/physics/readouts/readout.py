@@ -109,10 +109,10 @@ class Readout(ABC):
         leads: Pair,
         r_ref: Floats,
     ) -> Floats:
-        """Return (rows, cols) the ADC ratio of any network, damaged wires included: not fast.
+        """Return (..., rows, cols) the ADC ratio of any networks, damaged wires included: not fast.
 
         Args:
-            laplacian: (nodes, nodes) [S].
+            laplacian: (..., nodes, nodes) [S].
             lines: for rows and columns, the node that each address selects; -1: none, reads 0.
             leads: for rows and columns, what lies between each address and its node [ohm].
             r_ref: of each sense line [ohm], infinite where it is missing; not if floating.
@@ -200,5 +200,5 @@ class Readout(ABC):
 def blank(adc: Floats, lines: tuple[Ints, Ints]) -> Floats:
     """Put 0 into the readings of lines that are no node."""
     row, col = lines
-    adc[row < 0], adc[:, col < 0] = 0.0, 0.0
+    adc[..., row < 0, :], adc[..., col < 0] = 0.0, 0.0
     return adc

@@ -3,15 +3,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..arrays import Floats, Floats32, Ints, Value
+from .loaded import Loaded
 from .readout import Late, Pair, Readout, blank
 
 if TYPE_CHECKING:
     from ..circuit import Circuit
+
+_HELD = 1e-6  # ohm by which an amplifier holds its line at 0 V
 
 
 class VirtualGround(Readout):
@@ -66,11 +70,11 @@ class VirtualGround(Readout):
         leads: Pair,
         r_ref: Floats,
     ) -> Floats:
-        """Return (rows, cols) the ADC ratio; a row joined to a column is a short circuit."""
-        a, b = lines
-        g = np.where(a[:, None] == b, np.inf, -laplacian[np.ix_(a, b)])
+        """Return (..., rows, cols) the ADC ratio; r_par lies in series with each crossing."""
+        held = np.full(len(r_ref), _HELD)
+        volts = Loaded.of_network(replace(circuit, r_par=0.0), laplacian, lines, leads, held)
         with np.errstate(divide="ignore"):
-            ohm = 1.0 / g + circuit.r_par + leads[0][:, None] + leads[1]
+            ohm = _HELD / volts + circuit.r_par  # of a supply of 1 V
             adc = np.minimum((r_ref[:, None] if circuit.driven == "columns" else r_ref) / ohm, 1.0)
         return blank(adc, lines)
 
