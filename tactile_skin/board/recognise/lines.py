@@ -28,6 +28,7 @@ _LIKE_BEFORE = 0.7
 _LIKE_BEFORE_UNMARKED = 0.5
 _LIKE_BEFORE_NUMBERED = 0.9
 _SHOWN_LINES = 3  # lines of readings in a sample
+_NAME_SHOWN = 24  # characters
 _TIME = re.compile(rb"(?:\d+-\d+-\d+[T ])?\d+:\d+:\d+(?:[.,]\d+)?|\d+-\d+-\d+")
 # A name, or a place such as (0, 1), and a mark behind.
 _MARK = re.compile(
@@ -313,6 +314,15 @@ def _scale(readings: np.ndarray) -> dict:
     }
 
 
+def in_turn(names: tuple[bytes, ...]) -> str:
+    """Return what to do about boards of these names that print in turn."""
+    several = " and ".join(name.decode("ascii", "replace")[:_NAME_SHOWN] for name in names)
+    return (
+        f"frames named {several} come in turn, as of several mats: print one mat's, under one "
+        "name, or give each a driver of your own (docs/formats.md)"
+    )
+
+
 def _proved(found: Seen, data: bytes, shape) -> Seen:
     """How many frames the parser reads by what was found, and whether that is all there is."""
     if not isinstance(found.format, TextFormat):
@@ -324,5 +334,7 @@ def _proved(found: Seen, data: bytes, shape) -> Seen:
     parser = TextParser(rows, cols, 16, replace(found.format, full_scale=top))
     parser.feed(data)
     frames, corrupt = parser.counters.frames, parser.counters.corrupt
+    if boards := parser.counters.boards:
+        found = replace(found, about=f"{found.about}; {in_turn(boards)}", sure=False)
     sure = found.sure and frames >= FEW and corrupt <= (1.0 - STEADY) * frames + 1
     return replace(found, frames=frames, sure=sure, protocol="text" if frames else "")
