@@ -38,7 +38,7 @@ _NAMES = r"[\s\[({]*" + LABEL.pattern.decode() + r"[ \t]*"  # of a place, as of 
 _OPEN, _CLOSE = b"[({<", b"])}>"
 # A word of a line that is no number, with the number behind it.
 _WORD = re.compile(rb"\b(?!nan\b)[a-z_]\w*(?:[ \[]\d+)?", re.IGNORECASE)
-_MATS = 4  # boards, at most, that print in turn on one line, and
+MATS = 4  # boards, at most, that print in turn on one line, and
 _OUT_OF_TURN = 0.2  # of the share of names that change, that from turn to turn: lines get lost
 BLANKED = bytes.maketrans(_OPEN + _CLOSE, b" " * 8)
 _AT_ENDS = re.compile(rb"^[\s\[({<]+|[\s\])}>]+(?=[,;\s]*$)")
@@ -375,7 +375,7 @@ def _take_turns(names: tuple[bytes, ...]) -> bool:
         return False
     changes, *later = (
         sum(map(ne, names[n:], names)) / (len(names) - n)
-        for n in range(1, min(_MATS, len(names) // 2) + 1)
+        for n in range(1, min(MATS, len(names) // 2) + 1)
     )
     return min(later) < _OUT_OF_TURN * changes
 

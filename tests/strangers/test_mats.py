@@ -77,3 +77,12 @@ def test_names_that_change_for_another_reason_cost_no_frames(kind):
     parser.feed(boards.sent(lambda a, k: f"{NAMED[kind](k, rng)}{_joined(a)}\n", right))
     assert parser.counters.frames > len(right) - 8
     assert not parser.counters.boards
+
+
+@pytest.mark.parametrize("front", ["{},", "Mat {}: ", "M{}:"])
+@pytest.mark.parametrize("known", [None, SHAPE])
+def test_the_numbers_of_two_mats_are_never_surely_those_of_rows_or_frames(front, known):
+    def two(a, k) -> str:
+        return f"{front.format(0)}{_joined(a)}\n{front.format(1)}{_joined(a[::-1] // 2)}\n"
+
+    assert not recognise(boards.sent(two, pictures()), known).sure
