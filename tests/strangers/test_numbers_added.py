@@ -34,3 +34,16 @@ def test_a_number_that_no_cell_reads_is_never_surely_one(kind, shape):
         seen = recognise(boards.sent(lambda a, k: ADDED[kind](a, k) + "\n", right))
         assert not seen.sure or seen.cells == right[0].size, seen
         assert recognise(boards.sent(boards.frame_a_line, right)).sure
+
+
+@pytest.mark.parametrize("known", [False, True])
+@pytest.mark.parametrize("shape", [SHAPE, (4, 4)])
+def test_a_number_behind_a_numbered_row_is_never_surely_a_column(shape, known):
+    for behind in (sum, max, len):
+        data = boards.sent(
+            lambda a, k, of=behind: "".join(
+                f"{r},{_joined(row)},{of(row)}\n" for r, row in enumerate(a)
+            ),
+            pictures(30, shape),
+        )
+        assert not recognise(data, shape if known else None).sure

@@ -13,7 +13,6 @@ _LONGEST_CYCLE = 4096  # cells of a frame
 _RISING = 8  # lines from which on chance makes no number rise all the time
 _MOST_IN_FRONT = 3  # numbers in front of readings, or behind them, that are none
 EVEN = 0.5  # rows over columns of most boards, at least
-_FEWEST = 7  # numbers of a line, of which those in the middle are readings
 _JUMPS = 2.0  # times as far as those of the other cells jumps what is no reading
 _CLASSES = 12  # different values, at most, of a last number that may be a class
 
@@ -130,23 +129,19 @@ def more_in_front(values: np.ndarray, cells: int) -> tuple[int, bool]:
 
 
 def may_be_less(values: np.ndarray) -> bool:
-    """Whether a first or last number of lines may be none of the readings, whose count is unknown.
-
-    Only what no reading does, and what leaves a number of cells that mats have, makes it one.
-    """
+    """Whether a first or last number of lines shows that it may be none of the readings."""
     n = values.shape[1]
-    if n < _FEWEST or len(values) < FEW:
+    k = min(2, (n - 2) // 2)  # numbers at each end that are looked at
+    if k < 1 or len(values) < FEW:
         return False
-    if not _even(n) and (_even(n - 1) or _even(n - 2)):
-        return True
     jumps = np.median(np.nan_to_num(np.abs(np.diff(values, axis=0))), axis=0)
-    inner, constant = values[:, 2:-2], (values == values[0]).all(0)
-    for at in (0, 1, n - 2, n - 1):
-        column, others = values[:, at], values[:, at + 1 :] if at < 2 else values[:, :at]
+    inner, constant = values[:, k:-k], (values == values[0]).all(0)
+    for at in (*range(k), *range(n - k, n)):
+        column, others = values[:, at], values[:, at + 1 :] if at < k else values[:, :at]
         if constant[at]:
-            if not (inner[:, constant[2:-2]] == column[:1]).any():
+            if not (inner[:, constant[k:-k]] == column[:1]).any():
                 return True
-        elif jumps[at] > _JUMPS * max(jumps[2:-2].max(), 1.0) or _derived(column, others):
+        elif jumps[at] > _JUMPS * max(jumps[k:-k].max(), 1.0) or _derived(column, others):
             return True
     return False
 
@@ -158,10 +153,12 @@ def _derived(column: np.ndarray, readings: np.ndarray) -> bool:
     return any(np.allclose(kind, column, rtol=1e-6, atol=1e-2) for kind in kinds)
 
 
-def _even(cells: int) -> bool:
-    """Whether so many cells make a mat that is not much longer than wide."""
-    rows, cols = sides(cells)
-    return rows >= EVEN * cols
+def likely_less(numbers: int) -> bool:
+    """Whether one or two numbers less than these are the cells of a more usual mat."""
+    even = [
+        rows >= EVEN * cols for rows, cols in map(sides, range(max(1, numbers - 2), numbers + 1))
+    ]
+    return any(even) and not even[-1]
 
 
 def _is_none(column: np.ndarray, readings: np.ndarray) -> bool:

@@ -22,6 +22,7 @@ from .columns import (
     STEADY,
     cycle,
     in_front,
+    likely_less,
     may_be_less,
     more_behind,
     more_in_front,
@@ -298,7 +299,8 @@ def _structure(lines, kind: tuple, end: bytes, shape: tuple[int, int] | None) ->
             fmt = replace(fmt, line=fmt.line.replace("{row}", "{col}"))
         elif not differ:
             about += f", or a frame of {width} a line behind a counter: say which by rows and cols"
-        return seen(about, shape if turned else (size[0], width), sure=sure and differ)
+        sure = sure and differ and cells in (0, size[0] * width)  # else some may be none
+        return seen(about, shape if turned else (size[0], width), sure=sure)
     if width == 1 != (shape or (0, 0))[1]:
         return seen(_SINGLE, None, "")
     blocks = _blocks(lines, kind)
@@ -325,6 +327,7 @@ def _structure(lines, kind: tuple, end: bytes, shape: tuple[int, int] | None) ->
         if n
     )
     about = f"a frame a line, {width} readings" + (f", {extra} that are none" if extra else "")
+    sure = sure and bool(cells or not likely_less(width))
     return seen(about, shape if width == cells else None, sure=sure)
 
 
