@@ -4,11 +4,13 @@
 from __future__ import annotations
 
 import dataclasses
+from collections import deque
 from dataclasses import dataclass, field
 
 import numpy as np
 
 SEQUENCES = 1 << 16  # numbers that frames have in turn
+NAMES = 64  # frames whose names are compared: chance does not order two names for so long
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +45,9 @@ class Counters:
     passed: int = 0  # lines that are no frame and do not look like one: status lines, headings
     # of these numbers, the largest one that was named [ADC steps]
     largest: float = field(default=0.0, compare=False)
+    # Of text, the names of boards that print in turn, and what the last frames were named
+    boards: tuple[bytes, ...] = ()
+    names: deque = field(default_factory=lambda: deque(maxlen=NAMES), compare=False, repr=False)
 
 
 TAIL = 16_384  # bytes that a parser keeps for whoever asks what arrives: some frames of most boards

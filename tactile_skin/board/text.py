@@ -17,11 +17,12 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
+from operator import ne
 
 import numpy as np
 
 from ..readings.scale import VOLTS
-from .frame import Frame, Parser, about
+from .frame import NAMES, Frame, Parser, about
 
 _PLAIN = b"0123456789., \t\r;"  # what a line of numbers holds, and
 _WORDS = b"-naNA"  # what stands for one that is missing
@@ -35,6 +36,10 @@ _NUMBER = re.compile(rb"\d+")
 LABEL = re.compile(rb'"?[A-Za-z_][\w .]*"?(?:\[\d+\])?[ \t]*[:=]')
 _NAMES = r"[\s\[({]*" + LABEL.pattern.decode() + r"[ \t]*"  # of a place, as of a JSON object
 _OPEN, _CLOSE = b"[({<", b"])}>"
+# A word of a line that is no number, with the number behind it.
+_WORD = re.compile(rb"\b(?!nan\b)[a-z_]\w*(?:[ \[]\d+)?", re.IGNORECASE)
+MATS = 4  # boards, at most, that print in turn on one line, and
+_OUT_OF_TURN = 0.2  # of the share of names that change, that from turn to turn: lines get lost
 BLANKED = bytes.maketrans(_OPEN + _CLOSE, b" " * 8)
 _AT_ENDS = re.compile(rb"^[\s\[({<]+|[\s\])}>]+(?=[,;\s]*$)")
 # A frame of rows in brackets, or one on a terminal that is cleared, or whose cursor goes home.
@@ -115,7 +120,8 @@ class TextParser(Parser):
     There is no CRC: a line counts only if it holds as many numbers as a frame, a row or, where it
     says which, one reading; each in the ADC's range, in digits and a decimal point, or one that was
     not read. A digit that the wire changed into another goes unnoticed. Other lines are passed over
-    unless they look like readings that were damaged.
+    unless they look like readings that were damaged. Frames of several names that come in turn, as
+    `L:` and `R:`, are of several boards: none of them counts.
 
     Numbers with decimals, none above 5.5, may be volts or shares of the supply: they are no frames
     until a larger one arrives, or `full_scale` says what they are.
@@ -143,6 +149,7 @@ class TextParser(Parser):
         self._filled = np.zeros(self._cells, bool)
         self._next = -1  # cell that the next row begins with; -1: a frame has not begun
         self._early = False  # a frame is known to end with its last row
+        self._name = self._heading = b""  # words of the last line of readings, and of another
 
     def _cut(self, data: bytes) -> list[Frame]:
         self._buffer += data
@@ -172,7 +179,7 @@ class TextParser(Parser):
         frame = size == self._cells and not self._placed
         if numbers is None or not (frame or size == self._piece):
             return self._no_reading(line)
-        self._sound = _plain(line), size
+        self._sound, self._name = (_plain(line), size), _words(line)
         steps = self._in_range(numbers, b"." in line)
         if steps is None:
             self._spoil()
@@ -195,7 +202,12 @@ class TextParser(Parser):
             self._spoil()
             return []
         self.counters.passed += 1
-        return self._border()
+        frames = self._border()
+        heading = _words(line) or self._heading
+        if heading and not (self._heading or self.counters.boards):
+            self.counters.names.clear()  # those of earlier frames were not heard
+        self._heading = heading
+        return frames
 
     def _spoil(self) -> None:
         """Drop what is left of the frame, since a line was damaged."""
@@ -223,7 +235,9 @@ class TextParser(Parser):
         if whole and not self._early:
             self._early = True
             return self._frame(self._values)
-        self.counters.corrupt += begun and not whole
+        if begun and not whole:
+            self.counters.corrupt += 1
+            self._in_turn()  # its name is known nevertheless
         return []
 
     # --- rows or readings that say which they are
@@ -255,13 +269,31 @@ class TextParser(Parser):
 
     def _frame(self, steps: np.ndarray) -> list[Frame]:
         unread = np.isnan(steps)
-        if unread.all():  # nothing was read, or the frame was sent as nothing
+        # nothing was read, or the frame was sent as nothing; or nobody knows whose it is
+        if self._in_turn() or unread.all():
             self.counters.corrupt += 1
             return []
         # what is not read travels beside the samples; a board of 16 bits has no fraction to keep
         known = np.where(unread, 0.0, steps)
         crossings = unread.reshape(self.rows, self.cols) if unread.any() else None
         return [self._numbered(known, self.adc_bits, crossings)]
+
+    def _in_turn(self) -> bool:
+        """Whether several boards print in turn: the names of frames, or those above them, do.
+
+        Once they do, it holds as long as two of the names still arrive: a line may be lost.
+        """
+        counters = self.counters
+        texts = self._name or b"(no name)", self._heading
+        counters.names.append((*texts, *(text.translate(None, b"0123456789") for text in texts)))
+        turns = [set(each) for each in zip(*counters.names, strict=True) if _take_turns(each)]
+        if turns:
+            counters.boards = tuple(sorted(turns[0]))
+        elif counters.boards:
+            recent = set().union(*counters.names).intersection(counters.boards)
+            if len(counters.names) < NAMES or len(recent) < 2:
+                counters.boards = ()
+        return bool(counters.boards)
 
     def _numbers(self, text: bytes) -> np.ndarray | None:
         """Return a line's numbers, NaN for those not read; None if it holds anything else."""
@@ -330,6 +362,22 @@ class TextParser(Parser):
 
 def _balanced(text: bytes) -> bool:
     return all(text.count(a) == text.count(b) for a, b in zip(_OPEN, _CLOSE, strict=True))
+
+
+def _words(line: bytes) -> bytes:
+    """Return the words of a line without what stands between them."""
+    return b" ".join(_WORD.findall(line)) if line.translate(None, _PLAIN) else b""
+
+
+def _take_turns(names: tuple[bytes, ...]) -> bool:
+    """Whether names, of which there are several, come again and again in one order."""
+    if not 2 <= len(set(names)) <= len(names) // 2:
+        return False
+    changes, *later = (
+        sum(map(ne, names[n:], names)) / (len(names) - n)
+        for n in range(1, min(MATS, len(names) // 2) + 1)
+    )
+    return min(later) < _OUT_OF_TURN * changes
 
 
 def _plain(line: bytes) -> float:

@@ -339,7 +339,10 @@ def test_a_bad_line_is_dropped_and_counted(bad):
     [
         ([b"1,2,3,4,5"], "circuit.rows = 2 x circuit.cols = 3 are 6 readings"),
         ([b"1,2,3,4,3890,6"], "adc_bits = 10 ends at 1023: millivolts"),
-        ([b"1,2,3,4,3890,6"], "or an ADC of 12 bits or more, or sums of several readings?"),
+        (
+            [b"1,2,3,4,3890,6"],
+            "or an ADC of 12 bits or more, or sums of several readings, or resistances?",
+        ),
         ([b"1,2,3,4,5,1023.5"], "numbers up to 1023.5, but circuit.adc_bits = 10 ends at 1023: "),
         ([b"1,2,-3,4,5,6"], "negative numbers: print what the ADC reads, nothing subtracted"),
         ([b"hello, world"], "text arrives, but no lines of numbers"),

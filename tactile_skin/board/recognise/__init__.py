@@ -13,7 +13,7 @@ from ..frame import Parser
 from ..packets import PacketParser
 from ..protocol import BinaryParser
 from ..text import TextParser
-from .lines import recognise_lines
+from .lines import of_boards, recognise_lines
 from .periods import recognise_packets
 from .seen import Seen, shown
 
@@ -97,6 +97,8 @@ def _of_text(parser: TextParser, seen: Seen) -> str:
     counters, top = parser.counters, 2**parser.adc_bits - 1
     full = parser.format.full_scale
     wanted = parser.rows * parser.cols
+    if counters.boards:
+        return of_boards(counters.boards)
     if not seen.protocol:
         return seen.about
     if seen.cells != wanted or seen.shape not in (None, (parser.rows, parser.cols)):

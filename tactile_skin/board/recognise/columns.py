@@ -12,10 +12,12 @@ STEADY = 0.95  # share of the steps of a counter that go up, or on by one
 _LONGEST_CYCLE = 4096  # cells of a frame
 _RISING = 8  # lines from which on chance makes no number rise all the time
 _MOST_IN_FRONT = 3  # numbers in front of readings, or behind them, that are none
+EVEN = 0.5  # rows over columns of most boards, at least
+_JUMPS = 2.0  # times as far as those of the other cells jumps what is no reading
 _CLASSES = 12  # different values, at most, of a last number that may be a class
 
 
-def _cycle(column: np.ndarray) -> int:
+def cycle(column: np.ndarray) -> int:
     """How many numbers a column counts through, again and again from 0 or 1; 0: it does not."""
     if np.isnan(column).any() or (column % 1).any():
         return 0
@@ -66,14 +68,14 @@ def roles(
         first = min(row.min(), col.min())
         rows, cols = row.max() - first + 1, col.max() - first + 1
         outer, inner = (row - first) * cols + col - first, (col - first) * rows + row - first
-        if first in (0, 1) and rows * cols in (_cycle(outer), _cycle(inner)) and cols > 1 < rows:
+        if first in (0, 1) and rows * cols in (cycle(outer), cycle(inner)) and cols > 1 < rows:
             names = ["skip"] * k
             names[a : a + 2] = "row", "col"
             return names, int(first), (int(rows), int(cols)), True
     names, sure, first = [], True, 0
     size: tuple[int, ...] = ()
     for column in lead.T:
-        n = _cycle(column)
+        n = cycle(column)
         if n and readings == cells > 1:
             names.append("skip")
         elif n and not size:
@@ -92,7 +94,7 @@ def in_front(values: np.ndarray) -> tuple[int, bool]:
         place = roles(values[:, front : front + 2], 1)[2] if n - front >= 3 else ()
         if len(place) == 2:
             return front + 2, True
-        if not (_rises_in_front(values[:, front]) or _cycle(values[:, front])):
+        if not (_rises_in_front(values[:, front]) or cycle(values[:, front])):
             break
         front += 1
     return front, not front or len(values) > _RISING
@@ -124,6 +126,39 @@ def more_in_front(values: np.ndarray, cells: int) -> tuple[int, bool]:
         found.append((sum(shows), far, -front))
     most, _, front = max(found)
     return -front, most == others and sum(each[0] == others for each in found) == 1
+
+
+def may_be_less(values: np.ndarray) -> bool:
+    """Whether a first or last number of lines shows that it may be none of the readings."""
+    n = values.shape[1]
+    k = min(2, (n - 2) // 2)  # numbers at each end that are looked at
+    if k < 1 or len(values) < FEW:
+        return False
+    jumps = np.median(np.nan_to_num(np.abs(np.diff(values, axis=0))), axis=0)
+    inner, constant = values[:, k:-k], (values == values[0]).all(0)
+    for at in (*range(k), *range(n - k, n)):
+        column, others = values[:, at], values[:, at + 1 :] if at < k else values[:, :at]
+        if constant[at]:
+            if not (inner[:, constant[k:-k]] == column[:1]).any():
+                return True
+        elif jumps[at] > _JUMPS * max(jumps[k:-k].max(), 1.0) or _derived(column, others):
+            return True
+    return False
+
+
+def _derived(column: np.ndarray, readings: np.ndarray) -> bool:
+    """Whether numbers are what sketches print of a frame: its extremes, its sum or its mean."""
+    mean = readings.mean(1)
+    kinds = readings.max(1), readings.min(1), readings.sum(1), np.floor(mean), np.rint(mean), mean
+    return any(np.allclose(kind, column, rtol=1e-6, atol=1e-2) for kind in kinds)
+
+
+def likely_less(numbers: int) -> bool:
+    """Whether one or two numbers less than these are the cells of a more usual mat."""
+    even = [
+        rows >= EVEN * cols for rows, cols in map(sides, range(max(1, numbers - 2), numbers + 1))
+    ]
+    return any(even) and not even[-1]
 
 
 def _is_none(column: np.ndarray, readings: np.ndarray) -> bool:

@@ -15,8 +15,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..protocol import MAX_LINES
-from ..text import BEGINS, BLANKED, ENDS, LABEL, TextFormat, TextParser, unescaped
-from .columns import FEW, STEADY, in_front, more_behind, more_in_front, roles
+from ..text import BEGINS, BLANKED, ENDS, LABEL, MATS, TextFormat, TextParser, unescaped
+from .columns import (
+    EVEN,
+    FEW,
+    STEADY,
+    cycle,
+    in_front,
+    likely_less,
+    may_be_less,
+    more_behind,
+    more_in_front,
+    roles,
+)
 from .seen import Seen
 
 _KINDS_SOUND = 0.9  # share of the blocks of lines that have the same size
@@ -28,6 +39,7 @@ _LIKE_BEFORE = 0.7
 _LIKE_BEFORE_UNMARKED = 0.5
 _LIKE_BEFORE_NUMBERED = 0.9
 _SHOWN_LINES = 3  # lines of readings in a sample
+_NAME_SHOWN = 24  # characters
 _TIME = re.compile(rb"(?:\d+-\d+-\d+[T ])?\d+:\d+:\d+(?:[.,]\d+)?|\d+-\d+-\d+")
 # A name, or a place such as (0, 1), and a mark behind.
 _MARK = re.compile(
@@ -169,6 +181,16 @@ def _apart(values: np.ndarray, lag: int) -> float:
     return float(np.nanmedian(np.nanmean(np.abs(values[lag:] - values[:-lag]), axis=1)))
 
 
+def _numbers_mats(column: np.ndarray, values: np.ndarray) -> bool:
+    """Whether a number that counts few lines may be that of the mat: lines are like those before.
+
+    A counter's are not: without a touch all are alike.
+    """
+    n = int(np.ptp(column)) + 1
+    counts = 2 <= n <= MATS and cycle(column) == n
+    return counts and _apart(values, n) < _LIKE_BEFORE_NUMBERED * _apart(values, 1)
+
+
 def _repeats_after(values: np.ndarray) -> int:
     """After how many lines, more than one, a line comes again; 0: each is like the one before."""
     most = min(MAX_LINES, len(values) // 3)
@@ -242,7 +264,10 @@ def _structure(lines, kind: tuple, end: bytes, shape: tuple[int, int] | None) ->
     known = known or (kind[0].endswith((":", "=")) and not front)
     behind, ended = (0, True) if size else more_behind(values, cells)
     clear, values = clear and ended, values[:, : values.shape[1] - behind]
+    clear = clear and bool(cells or not may_be_less(values))
     doubt = next((line.doubt for line in chosen if line.doubt), "")
+    if values.shape[1] == cells and any(_numbers_mats(column, values) for column in numbers.T):
+        doubt = doubt or "the numbers in front may be those of several mats that print in turn"
     width, sure = values.shape[1], sure and known and clear and not doubt
     line = _template(kind, names[: lead.shape[1]], names[lead.shape[1] :], behind)
     if not any((kind[0], kind[1], kind[3], kind[5], front, behind)):
@@ -268,12 +293,14 @@ def _structure(lines, kind: tuple, end: bytes, shape: tuple[int, int] | None) ->
         turned = (width, size[0]) == shape != (size[0], width) and not says_row
         named = says_row or turned or (size[0], width) == shape
         about = f"a {'column' if turned else 'row'} a line, with its number: {size[0]} of {width}"
-        differ = named or below < _LIKE_BEFORE_NUMBERED * next_to
+        even = size[0] >= EVEN * width  # few of many are mats with a number, or a toggle in front
+        differ = named or (even and below < _LIKE_BEFORE_NUMBERED * next_to)
         if turned:
             fmt = replace(fmt, line=fmt.line.replace("{row}", "{col}"))
         elif not differ:
             about += f", or a frame of {width} a line behind a counter: say which by rows and cols"
-        return seen(about, shape if turned else (size[0], width), sure=sure and differ)
+        sure = sure and differ and cells in (0, size[0] * width)  # else some may be none
+        return seen(about, shape if turned else (size[0], width), sure=sure)
     if width == 1 != (shape or (0, 0))[1]:
         return seen(_SINGLE, None, "")
     blocks = _blocks(lines, kind)
@@ -300,6 +327,7 @@ def _structure(lines, kind: tuple, end: bytes, shape: tuple[int, int] | None) ->
         if n
     )
     about = f"a frame a line, {width} readings" + (f", {extra} that are none" if extra else "")
+    sure = sure and bool(cells or not likely_less(width))
     return seen(about, shape if width == cells else None, sure=sure)
 
 
@@ -313,6 +341,15 @@ def _scale(readings: np.ndarray) -> dict:
     }
 
 
+def of_boards(names: tuple[bytes, ...]) -> str:
+    """Return what to do about boards of these names that print in turn."""
+    several = " and ".join(name.decode("ascii", "replace")[:_NAME_SHOWN] for name in names)
+    return (
+        f"frames named {several} come in turn, as of several mats: print one mat's, under one "
+        "name, or give each a driver of your own (docs/formats.md)"
+    )
+
+
 def _proved(found: Seen, data: bytes, shape) -> Seen:
     """How many frames the parser reads by what was found, and whether that is all there is."""
     if not isinstance(found.format, TextFormat):
@@ -324,5 +361,7 @@ def _proved(found: Seen, data: bytes, shape) -> Seen:
     parser = TextParser(rows, cols, 16, replace(found.format, full_scale=top))
     parser.feed(data)
     frames, corrupt = parser.counters.frames, parser.counters.corrupt
+    if boards := parser.counters.boards:
+        found = replace(found, about=f"{found.about}; {of_boards(boards)}", sure=False)
     sure = found.sure and frames >= FEW and corrupt <= (1.0 - STEADY) * frames + 1
     return replace(found, frames=frames, sure=sure, protocol="text" if frames else "")

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..packets import CHECKS, WORDS, PacketFormat, PacketParser, check_of
-from .columns import sides
+from .columns import EVEN, sides
 from .seen import Seen
 
 _REPEATS = 6  # packets, at least, in a sample
@@ -27,7 +27,6 @@ _CHECK_FRAMES = 4  # packets that a check must fit
 _STEADY = 0.7  # share of the steps of a counter that are its usual one: lost packets make others
 _HIGH_BYTE = 1 << 15  # words above it have their bytes in the other order, or are none
 _PAIR = 1 << 12  # words above it may be two bytes: few boards have an ADC of more bits
-_EVEN = 0.5  # rows over columns of most boards, at least
 
 
 def recognise_packets(data: bytes, shape: tuple[int, int] | None = None) -> Seen:
@@ -167,7 +166,7 @@ def _cuts(body: np.ndarray, head: int, spare: int, cells: int, begin: int):
         words = values.shape[1]
         rows, cols = sides(words)
         wide = size if span < _HIGH_BYTE else 0  # no reading has noise in its high byte
-        even = rows >= _EVEN * cols
+        even = rows >= EVEN * cols
         rank = words == cells, wide, even, -abs(head - begin), -spare, -jumps.mean()
         yield rank, head, spare, word, values
 
