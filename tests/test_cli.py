@@ -203,7 +203,7 @@ def test_the_simulated_board_sends_what_the_parameter_file_says(tmp_path):
     config = tmp_path / "mine.yaml"
     section = {"ros__parameters": {"protocol": "text", "baud": 115200}}
     config.write_text(yaml.safe_dump({"serial_driver": section}))
-    done = run_command("launch", f"config:={config}", "duration:=3", cwd=tmp_path)
+    done = run_command("launch", f"config:={config}", "duration:=2", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     rate = float(re.search(r"frames .* \((\d+\.\d+)/s\)", done.stdout)[1])
     assert 5.0 < rate < 15.0  # as many lines of 256 numbers as 115,200 baud carry
@@ -292,7 +292,7 @@ def test_a_simulated_board_is_called_so_under_any_launch_file(tmp_path):
 @pytest.mark.ci
 @IN_TIME
 def test_who_reads_only_the_first_line_gets_no_traceback():
-    command = f"{sys.executable} -m tactile_skin launch duration:=3 | head -1"
+    command = f"{sys.executable} -m tactile_skin launch duration:=2 | head -1"
     done = subprocess.run(
         command, shell=True, capture_output=True, text=True, timeout=120, check=False
     )

@@ -20,9 +20,9 @@ ARGUMENTS = {
     "touch_events": ["16"],  # s: the demo's push comes after 9 s, its stroke after 12.5 s
     "stop_hook": ["13"],
     "gestures": ["10"],
-    "body": ["13"],
+    "body": ["7"],
     "print_contacts": ["4"],
-    "subscribe_pressure": ["4"],
+    "subscribe_pressure": ["2"],
     "find_circuit": [],
     "own_node": ["4"],
     "own_driver": [],

@@ -23,7 +23,7 @@ def files(tmp_path_factory):
     np.save(folder / "rest.npy", board.at_rest(400) * counts)
     touches = []
     for force in bodies(30, SHAPE, rng):
-        touches += [board.at_rest(40), board.frames([3.0 * force] * 60)]
+        touches += [board.at_rest(20), board.frames([3.0 * force] * 30)]
     np.save(folder / "touches.npy", np.concatenate(touches) * counts)
     for grams, force in zip((500, 1200, 3000), bodies(3, SHAPE, rng), strict=True):
         newtons = grams * GRAM

@@ -62,18 +62,15 @@ def asks(said: str) -> bool:
 
 
 @pytest.mark.ci
-def test_what_is_logged_stands_above_the_question(terminal):
-    """Not within it: the question comes when frames do. A log line clears what is drawn."""
+def test_the_first_question_stands_below_the_log_and_its_answer_is_counted_down(terminal):
+    """The question comes when frames do, and a log line clears what is drawn.
+
+    The countdown is one line; then the rest is measured, and touches are asked for.
+    """
     said = read_until(terminal, asks)
     assert asks(said) and not select.select([terminal], [], [], 1.0)[0]
     logged = [line for line in said.splitlines() if "INFO" in line]
     assert logged and all(line.startswith("\x1b[2KINFO") for line in logged)
-
-
-@pytest.mark.ci
-def test_a_measurement_is_counted_down(terminal):
-    """On one line, after the key; then the rest is measured, and touches are asked for."""
-    said = read_until(terminal, asks)
     os.write(terminal, b"\n")
     said += read_until(terminal, lambda more: "2 of 3" in more)
     (line,) = (line for line in said.split("\n") if "measured in" in line)

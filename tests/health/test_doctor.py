@@ -20,7 +20,7 @@ from tactile_skin.health.doctor.wiring import Wires
 from tactile_skin.middleware.config import skin_of
 from tactile_skin.physics.readouts import DRIVEN, PASSIVE, READOUTS
 
-SHAPE, SECONDS = (10, 12), 40.0
+SHAPE, SECONDS = (10, 12), 20.0
 
 
 @pytest.mark.parametrize("seed", [0, ci(1), ci(2)])

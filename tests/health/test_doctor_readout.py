@@ -270,7 +270,7 @@ def test_feet_that_stand_in_turn_leave_no_rest():
 @pytest.mark.ci
 def test_readings_that_other_touches_lower_lack_no_bit():
     """A grounded board that is taken for a floating one: 0.06 % of its readings exceed 512."""
-    case = Case(99101, (), 40.0, readouts=("grounded",), r_ref=1e4, r_par=0.0)
+    case = Case(99101, (), 20.0, readouts=("grounded",), r_ref=1e4, r_par=0.0)
     (finding,) = diagnose(case.frames, Circuit(*case.circuit.shape))
     assert finding.where == "wiring of the board"
 

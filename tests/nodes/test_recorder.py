@@ -141,7 +141,7 @@ def test_a_stop_is_kept_with_what_led_to_it(tmp_path, config):
     folder.mkdir()
 
     def scene(t):  # idle, then 60 N
-        return scenes.finger(*CIRCUIT.shape, 1.5, 2.0, 60.0 * (t % 6.0 > 3.0), 1.5)
+        return scenes.finger(*CIRCUIT.shape, 1.5, 2.0, 60.0 * (t % 4.0 > 2.0), 1.5)
 
     # of this fabric no frame is in doubt before its rest is measured, which would be the first stop
     board = simulator.Board(CIRCUIT, PressureCurve(), scene, seed=3)
@@ -169,12 +169,12 @@ def test_a_full_disk_is_in_the_summary_and_in_the_status(tmp_path):
     """A file that may not grow further fails as on a full disk; the skin runs on until its end."""
     command = [sys.executable, "-m", "tactile_skin", "record", tmp_path / "a.mcap"]
     done = subprocess.run(
-        [*map(str, command), "demo.launch.yaml", "duration:=3"],
+        [*map(str, command), "demo.launch.yaml", "duration:=2"],
         capture_output=True,
         text=True,
         timeout=120,
         check=False,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000)),
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000)),
     )
     assert done.returncode == 1
     summary = done.stdout[done.stdout.index("summary") :]

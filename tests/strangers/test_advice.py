@@ -36,7 +36,7 @@ def played(samples, circuit, *, pressed=None, **of_adc):
 
 
 @cache
-def minus_baseline(dead: int, seconds: float = 30.0):
+def minus_baseline(dead: int, seconds: float = 18.0):
     """Return samples of firmware that takes off its rest and a dead band; when a palm presses."""
     circuit = Circuit(6, 6, r_ref=10000.0, r_par=25.0, adc_bits=12, readout="loaded")
     curve, rng = fabric(circuit, scatter=0.08), np.random.default_rng(7)

@@ -284,7 +284,7 @@ def test_its_curve_is_fitted_by_weights():
 @pytest.mark.parametrize("r_ref", [ci(200.0), 500.0, slow(1000.0)])
 def test_the_doctor_names_it_by_what_no_network_reads(configured, r_ref):
     circuit = amplified(r_ref=r_ref)
-    force = touches((8, 8), 40.0, 20.0, seed=7, rest=5.0, hard=(5, 40), hold=1.2)
+    force = touches((8, 8), 20.0, 20.0, seed=7, rest=5.0, hard=(5, 40), hold=1.2)
     steps = counts(circuit, fabric(circuit), force, np.random.default_rng(2), noise=0.8)
     found = diagnose(steps / 4095.0, replace(circuit, readout=configured))
     assert [f.kind for f in found] == ["readout"] and "virtual_ground" in found[0].remedy
@@ -297,7 +297,7 @@ def test_the_doctor_names_it_by_what_no_network_reads(configured, r_ref):
 )
 def test_no_network_of_resistors_is_taken_for_it(wired, off):
     circuit = Circuit(8, 8, r_ref=1000.0, r_par=20.0, adc_bits=12, readout=wired)
-    force = touches((8, 8), 40.0, 20.0, seed=8, rest=5.0, hard=(5, 40), hold=1.2)
+    force = touches((8, 8), 20.0, 20.0, seed=8, rest=5.0, hard=(5, 40), hold=1.2)
     steps = counts(circuit, fabric(circuit), force, np.random.default_rng(2), noise=0.8)
     found = diagnose(steps / 4095.0, replace(circuit, **off))
     assert not any("virtual_ground" in str(f) for f in found)

@@ -89,10 +89,10 @@ def live(skin):
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
-    """Four seconds of the demo."""
+    """Three seconds of the demo."""
     pytest.importorskip("mcap", reason="reads recordings")
     path = tmp_path_factory.mktemp("recording") / "demo.mcap"
-    words = ["launch", "duration:=4", f"record:={path}", "method:=auto"]
+    words = ["launch", "duration:=3", f"record:={path}", "method:=auto"]
     subprocess.run([sys.executable, "-m", "tactile_skin", *words], check=True, timeout=60)
     return path
 
@@ -172,14 +172,14 @@ def test_it_fits_a_phone(live, browser, scheme):
 def test_a_recording_is_scrubbed(recording, browser):
     with running("view", str(recording)) as (address, _):
         browser.open(address)
-        browser.until("document.getElementById('at').max > 3")
+        browser.until("document.getElementById('at').max > 2.6")
         browser.press(" ")
         browser.until("document.getElementById('pause').innerText === 'play'")
-        browser.run(SEEK.format(3))
-        browser.until("/time\\n3.00 s/.test(" + TEXT.format("numbers") + ")")
+        browser.run(SEEK.format(2.6))
+        browser.until("/time\\n2.60 s/.test(" + TEXT.format("numbers") + ")")
         browser.until("document.querySelectorAll('#contacts tbody tr').length === 1")
         browser.press(",")
-        browser.until("/time\\n2.99 s/.test(" + TEXT.format("numbers") + ")")
+        browser.until("/time\\n2.59 s/.test(" + TEXT.format("numbers") + ")")
         browser.run(SEEK.format(0.2))
         browser.until("document.querySelectorAll('#contacts tbody tr').length === 0")
         assert "recorded" in browser.run(TEXT.format("stop"))

@@ -34,7 +34,7 @@ if chromium.program() is None:
 
 SHAPE = 12, 12
 WEIGHTS = 3.0, 8.0, 17.0, 30.0, 5.0, 44.0, 12.0, 23.0  # N
-FRAME = 0.004  # s between two readings
+FRAME = 0.002  # s between two readings
 STANDS = 90  # readings for which a touch stands
 SAID = "document.getElementById('work').innerText"
 FAST = {"REST": 0.4, "OBJECT": 0.3, "_GLANCE": 0.1, "_COUNTED": 0.05, "_PATIENCE": 5.0}
@@ -157,7 +157,7 @@ def detected(browser):
 
 
 @pytest.mark.ci
-def test_a_running_skin_lends_its_board_and_takes_it_back(tmp_path):
+def test_a_running_skin_lends_its_board_and_takes_it_back(tmp_path, fast):
     """A reload loses no step; the robot stands until the board is given back."""
     stop = "document.querySelector('#stop strong').textContent"
     cell = "document.getElementById('cell').innerText"
