@@ -138,17 +138,20 @@ class CircuitTracker:
         """
         return self._waiting is not None and t - self._t > (_STOPPED if stopped else _PATIENCE)
 
-    @property
-    def unknown(self) -> float:
+    def unknown(self, *, changed: bool = False) -> float:
         """Return by how much what lies in series may exceed that of `circuit` [ohm].
 
         This is the best guess, which may not be sure enough to be used, and its std.
 
         An ohm of r_drive hides as much of a touch as one of r_par does on a loaded matrix.
+
+        Args:
+            changed: whether it may be another than that of the touches so far.
         """
         n = len(self._known_to)
         more = np.maximum(self._off - self._adopted, 0.0)[:n].sum()
-        return float(more + np.hypot.reduce(np.minimum(self.std[:n], self._known_to)))
+        std = np.full(n, np.inf) if changed else self.std[:n]
+        return float(more + np.hypot.reduce(np.minimum(std, self._known_to)))
 
     def values(self) -> dict[str, str]:
         """For diagnostics [ohm]; empty as long as nothing is known."""

@@ -274,7 +274,8 @@ class Skin:
     @property
     def unknown_series(self) -> float:
         """By how much what lies in series may exceed that of `circuit` [ohm]."""
-        return self._tracker.unknown
+        changed = any(f.kind is Kind.ALL_CELLS for f in self._monitor.findings())
+        return self._tracker.unknown(changed=changed)
 
     @property
     def hidden_series(self) -> float:

@@ -9,6 +9,7 @@ from support.bench import Bench
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.calibration.tracker import CircuitTracker
+from tactile_skin.findings.finding import Finding, Kind
 from tactile_skin.msg import (
     DiagnosticArray,
     DiagnosticStatus,
@@ -168,6 +169,8 @@ def test_compensation_says_how_much_of_r_par_may_be_missing():
     assert node.skin.unknown_series == pytest.approx(0.2 * node.skin.circuit.r_par)
     node.skin._tracker.std = np.array([7.0, 1.0])
     assert node.skin.unknown_series == 7.0
+    node.skin._monitor.findings = lambda: [Finding(Kind.ALL_CELLS, numbers={"share": -0.006})]
+    assert node.skin.unknown_series == pytest.approx(0.2 * node.skin.circuit.r_par)
 
 
 def test_who_has_measured_r_par_says_how_well():
@@ -180,4 +183,5 @@ def test_what_touches_make_likely_and_is_not_used_yet_counts(guess, used, unknow
     tracker = CircuitTracker(Circuit(8, 8))
     tracker.std = np.array([7.0, 1.0])
     tracker._off, tracker._adopted = np.array([guess, 0.0]), np.array([used, 0.0])
-    assert tracker.unknown == unknown
+    assert tracker.unknown() == unknown
+    assert tracker.unknown(changed=True) == pytest.approx(unknown - 7.0 + 0.2 * 326.0)
