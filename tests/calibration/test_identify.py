@@ -264,11 +264,11 @@ def test_one_touch_that_tells_r_drive_is_a_hint():
     board = UnknownDriven(SHAPE, 44007, "grounded-rows", r_ref=470.0, r_par=1.0)
     board.idle = board.at_rest()
     fresh, early, late = (follow(board, board.supposed, standing(board, 8)[:n]) for n in (0, 3, 16))
-    assert fresh.unknown > 25.0 and not suggested(fresh)  # of any driver
+    assert fresh.unknown() > 25.0 and not suggested(fresh)  # of any driver
     assert "r_drive is" in suggested(early) and early.circuit == board.supposed
-    assert early.unknown > 0.8 * board.r_drive
+    assert early.unknown() > 0.8 * board.r_drive
     assert late.circuit.r_drive == pytest.approx(board.r_drive, abs=3.0)
-    assert late.unknown < 10.0 and not suggested(late)
+    assert late.unknown() < 10.0 and not suggested(late)
 
 
 @pytest.mark.parametrize(("off", "std", "kept"), [(20, 9, True), (60, 9, False), (60, 40, True)])
