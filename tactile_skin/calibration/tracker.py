@@ -94,7 +94,7 @@ class CircuitTracker:
         self._made_up_for = CONTRADICTION * (r_par_std or 0.0) if told else np.inf  # ohm
         by_data_sheet = float(prior_of(circuit)[0, 0] ** -0.5)
         self._known_to = [by_data_sheet if r_par_std is None else r_par_std]
-        self._hardly = 2.0 * limits  # ohm, std from which on touches tell nothing
+        self._hardly = 2.0 * limits  # ohm of std above which a resistance is not known at all
         self._tells_drivers = names(circuit)[1] == "r_drive"
         if self._tells_drivers:
             self._known_to.append(PIN if r_par_std is None else limits[1])

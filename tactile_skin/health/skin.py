@@ -274,6 +274,7 @@ class Skin:
     @property
     def unknown_series(self) -> float:
         """By how much what lies in series may exceed that of `circuit` [ohm]."""
+        # another one changes all cells at rest at once
         changed = any(f.kind is Kind.ALL_CELLS for f in self._monitor.findings())
         return self._tracker.unknown(changed=changed)
 

@@ -106,16 +106,21 @@ def test_an_old_file_is_not_overwritten(tmp_path, capsys):
     assert "exists" in capsys.readouterr().err
 
 
+def detected(data: bytes, typed: str, folder, monkeypatch) -> dict:
+    """Return the parameter file that `detect` writes of these bytes, by what is typed."""
+    (folder / "bytes.bin").write_bytes(data)
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr("sys.stdin", io.StringIO(typed))
+    assert main(["detect", "bytes.bin"]) == 0
+    return yaml.safe_load((folder / "mine.yaml").read_text())
+
+
 def test_cells_that_are_typed_are_looked_for_again_in_the_bytes(tmp_path, monkeypatch, capsys):
     """The first reading's high byte never changes: it looks like the head."""
     rng = np.random.default_rng(4)
     pictures = 900 + rng.integers(0, 40, (60, 8, 8))
     data = boards.sent(boards.words_with_an_end, pictures)
-    (tmp_path / "bytes.bin").write_bytes(data)
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("sys.stdin", io.StringIO("8 x 8\nloaded-columns-pullup\n35000\n\n"))
-    assert main(["detect", "bytes.bin"]) == 0
-    found = yaml.safe_load((tmp_path / "mine.yaml").read_text())
+    found = detected(data, "8 x 8\nloaded-columns-pullup\n35000\n\n", tmp_path, monkeypatch)
     circuit = found["/**"]["ros__parameters"]["circuit"]
     link = found["/**/serial_driver"]["ros__parameters"]
     assert (circuit["rows"], circuit["driven"], circuit["inverted"]) == (8, "columns", True)
@@ -131,11 +136,7 @@ def test_what_is_no_reading_of_the_cells_that_were_typed_is_no_full_scale(
     """Enter takes the value in brackets: that of an ADC of 14 bits would hide most of a force."""
     pictures = np.random.default_rng(4).integers(20, 900, (30, 8, 8))
     data = boards.sent(lambda a, k: "9999," + boards.frame_a_line(a, k), pictures)
-    (tmp_path / "bytes.bin").write_bytes(data)
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("sys.stdin", io.StringIO("8 x 8\nloaded\n35000\n\n"))
-    assert main(["detect", "bytes.bin"]) == 0
-    found = yaml.safe_load((tmp_path / "mine.yaml").read_text())
+    found = detected(data, "8 x 8\nloaded\n35000\n\n", tmp_path, monkeypatch)
     assert found["/**"]["ros__parameters"]["circuit"]["adc_bits"] == 10
     assert "64 readings, 1 in front that are none: text, 29 frames" in capsys.readouterr().out
 
@@ -193,11 +194,7 @@ def test_a_shape_that_is_not_sure_is_asked(tmp_path, monkeypatch):
     """A counter of frames looks like the number of a row."""
     pictures = np.random.default_rng(4).integers(20, 900, (60, 8, 8))
     data = boards.sent(lambda a, k: f"{k % 10}," + boards.frame_a_line(a, k), pictures)
-    (tmp_path / "bytes.bin").write_bytes(data)
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("sys.stdin", io.StringIO("8 x 8\nfloating\n1780\n\n"))
-    assert main(["detect", "bytes.bin"]) == 0
-    found = yaml.safe_load((tmp_path / "mine.yaml").read_text())
+    found = detected(data, "8 x 8\nfloating\n1780\n\n", tmp_path, monkeypatch)
     assert found["/**"]["ros__parameters"]["circuit"]["rows"] == 8
     assert found["/**/serial_driver"]["ros__parameters"]["format"] == {"line": "{skip},{values}"}
 
