@@ -8,8 +8,9 @@ import pytest
 from support.bench import Bench
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward
+from tactile_skin.calibration.identify import Solution
 from tactile_skin.calibration.tracker import CircuitTracker
-from tactile_skin.findings.finding import Finding, Kind
+from tactile_skin.findings.finding import Finding, Kind, Severity
 from tactile_skin.msg import (
     DiagnosticArray,
     DiagnosticStatus,
@@ -185,3 +186,14 @@ def test_what_touches_make_likely_and_is_not_used_yet_counts(guess, used, unknow
     tracker._off, tracker._adopted = np.array([guess, 0.0]), np.array([used, 0.0])
     assert tracker.unknown() == unknown
     assert tracker.unknown(changed=True) == pytest.approx(unknown - 7.0 + 0.2 * 326.0)
+
+
+@pytest.mark.parametrize(("std", "doubted"), [(8.0, True), (19.0, True), (25.0, False)])
+def test_a_few_touches_warn_of_r_par_if_they_tell_it(monkeypatch, std, doubted):
+    """A guess, surer of nothing than a data sheet is, warns of no sound board."""
+    tracker = CircuitTracker(Circuit(8, 8))
+    found = Solution(np.array([90.0, 0.0]), np.eye(2), np.array([std, 1.0]), 1)
+    monkeypatch.setattr(tracker, "_solve", lambda asked: found)
+    tracker._asked.append(None)
+    said = tracker._suggested()
+    assert [(f.form, f.severity) for f in said] == [("likely", Severity.WARN)] * doubted
