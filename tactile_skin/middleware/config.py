@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import datetime
 from dataclasses import asdict, fields
 from typing import Any
 
@@ -16,6 +17,7 @@ from ..physics.adc import Adc
 from ..physics.circuit import Circuit
 from ..physics.creep import Creep
 from ..physics.curve import PressureCurve
+from ..physics.proof import Proof
 from ..touch.geometry import Geometry, make_geometry
 from .bus import Context, Node, Parameter
 from .parameter_file import SHARED, ParameterFile, unknown_parameter
@@ -170,6 +172,22 @@ def curve_of(given: shared.Curve, circuit: Circuit) -> PressureCurve:
 def creep_of(given: shared.Curve) -> Creep:
     """Return what a standing load gains by the parameters ``curve.creep`` and ``creep_time``."""
     return Creep(given.creep, given.creep_time)
+
+
+@concerning("curve")
+def proof_of(given: shared.Curve) -> Proof:
+    """Return what proved the newtons by the parameters ``curve.proof*``.
+
+    Raises:
+        ValueError: a date that is no day.
+    """
+    try:
+        date = datetime.date.fromisoformat(given.proof_date) if given.proof_date else None
+    except ValueError:
+        raise ValueError(
+            f"curve.proof_date = {given.proof_date!r}: must be a day, as 2026-11-28"
+        ) from None
+    return Proof(given.proof, given.proof_error, date)
 
 
 @concerning("geometry")

@@ -14,6 +14,7 @@ from ..physics.adc import TABLES
 from ..physics.circuit import Circuit as _Circuit
 from ..physics.creep import MAX_SHARE
 from ..physics.curve import PressureCurve
+from ..physics.proof import NOTHING, PROOFS
 from ..physics.readouts import DRIVEN, READOUTS
 from ..touch.geometry import CELL_AREA, PITCH, SHAPES, UNKNOWN
 
@@ -115,6 +116,16 @@ class Curve:
     creep_time: float = parameter(
         1.0, "s", "after which creep begins, by calibrate --creep", 0.1, 10.0
     )
+    proof: str = parameter(
+        NOTHING,
+        "",
+        "what showed that newtons are right, by calibrate; none: the stop comes early",
+        choices=PROOFS,
+    )
+    proof_error: float = parameter(
+        0.1, "", "relative standard deviation of a contact force when it was proved", 0.0, 1.0
+    )
+    proof_date: str = parameter("", "", "the day of the proof, as 2026-11-28; empty: unknown")
 
 
 @dataclasses.dataclass(frozen=True)
