@@ -81,6 +81,15 @@ def test_arguments_have_defaults_and_are_given(plan):
         plan(entities, aa="two")
 
 
+@pytest.mark.parametrize("how", ["an argument", "a section"])
+def test_what_an_earlier_version_had_is_refused_with_what_there_is_instead(tmp_path, how):
+    config = tmp_path / "mine.yaml"
+    config.write_text("/**/foxglove: {ros__parameters: {port: 8765}}\n")
+    given = {"foxglove": "true"} if how == "an argument" else {"config": config}
+    with pytest.raises(ValueError, match=r"foxglove.* is gone: .*foxglove_bridge"):
+        start("skin.launch.yaml", port="loop://", monitor="false", **given)
+
+
 def test_substitutions(plan, write, tmp_path, monkeypatch):
     """$(anon x) is the same in an included file, another in the next launch."""
     monkeypatch.setenv("SKIN_A", "here")
@@ -125,7 +134,7 @@ def test_an_included_file_sees_all_arguments_as_in_ros_2(write, plan):
     outer = "- arg: {name: a, default: outer}\n- include: {file: $(dirname)/inner.launch.yaml%s}\n"
     assert words(plan(outer % "")) == [["outerb"]]
     assert words(plan(outer % "", b="given")) == [["outergiven"]]
-    assert list(plan(outer % "").arguments) == ["a", "b", "record", "foxglove"]
+    assert list(plan(outer % "").arguments) == ["a", "b", "record"]
     passing = ", arg: [{name: b, value: '$(var a)'}]"
     assert words(plan(outer % passing)) == [["outerouter"]]
     with pytest.raises(LaunchError, match="argument 'b' is unknown"):  # it would be ignored

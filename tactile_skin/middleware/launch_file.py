@@ -15,12 +15,11 @@ from ..errors import FileError, LaunchError, did_you_mean
 from ..files import shorten
 from ..yaml_files import parse_yaml, read_yaml
 from .bus import Parameter
-from .package import BODY, COMPOSED, FOXGLOVE, NODES, PACKAGE, RECORDER, share_dir
+from .package import BODY, COMPOSED, NODES, PACKAGE, RECORDER, SUCCESSORS, share_dir
 from .parameter_file import CONFIG, ELSEWHERE, SKINS, ParameterFile
 from .plan import Argument, NodeAction, Plan, with_skins
 
 RECORD = Argument("record", "", "MCAP file to record all topics to, or folder/ for such files")
-LIVE = Argument("foxglove", "false", "serve all topics to the Foxglove app")
 
 _PROCESS = {"output", "respawn", "respawn_delay", "on_exit"}  # of one that ROS starts: ignored
 _CONDITIONS = {"if", "unless"}
@@ -50,7 +49,7 @@ def read_arguments(path) -> list[Argument]:
     """
     reader = _Reader({}, starts=False)
     reader.file(Path(path))
-    return [*reader.plan.arguments.values(), RECORD, LIVE]
+    return [*reader.plan.arguments.values(), RECORD]
 
 
 def read_plan(path, arguments: Mapping[str, object]) -> Plan:
@@ -62,20 +61,18 @@ def read_plan(path, arguments: Mapping[str, object]) -> Plan:
     if none := [name for name, value in arguments.items() if value is None]:
         raise LaunchError(f"argument {none[0]} = None: give a value, or leave it out")
     given = {name: str(value) for name, value in arguments.items()}
-    record, live = (given.pop(a.name, a.default) for a in (RECORD, LIVE))
+    record = given.pop(RECORD.name, RECORD.default)
     reader = _Reader(dict(given))
     reader.file(Path(path))
     plan = reader.plan
     if unknown := sorted(given.keys() - plan.arguments):
         meant = did_you_mean(unknown[0], plan.arguments)
-        raise LaunchError(f"{path}: argument {unknown[0]!r} is unknown{meant}")
-    plan.arguments |= {a.name: a for a in (RECORD, LIVE)}
-    files = plan.files()  # an observer hears all nodes, and is given the files that they have
-    if _is_true(live, f"{path}: {LIVE.name}"):
-        plan.programs.append(NodeAction(FOXGLOVE, FOXGLOVE, "", [*files], [], Path(path)))
-    if record:
-        to = Parameter("path", record)
-        plan.programs.append(NodeAction(RECORDER, RECORDER, "", [*files, to], [], Path(path)))
+        what = SUCCESSORS.get(unknown[0], f"is unknown{meant}")
+        raise LaunchError(f"{path}: argument {unknown[0]!r} {what}")
+    plan.arguments[RECORD.name] = RECORD
+    if record:  # it hears all nodes, and is given the files that they have
+        given_to_it = [*plan.files(), Parameter("path", record)]
+        plan.programs.append(NodeAction(RECORDER, RECORDER, "", given_to_it, [], Path(path)))
     return plan
 
 

@@ -35,8 +35,7 @@ SOURCES = {  # topic -> the node that publishes it from its start on
 BODY = "body"  # the node of several skins: who starts it starts their nodes as well
 VIEW = "view"  # it shows one skin, or those of a body; so does
 MONITOR = "monitor"
-RECORDER = "recorder"  # of any launch file, but not on ROS; so is
-FOXGLOVE = "foxglove"
+RECORDER = "recorder"  # of any launch file, but not on ROS
 COMPOSED = "skin"  # the program of a skin's nodes
 # Its nodes, in the way of the data, and whether they run unless a parameter says so.
 PARTS = {
@@ -46,8 +45,10 @@ PARTS = {
     "push_to_move": False,
     "monitor": False,
 }
-_OBSERVERS = {RECORDER: "observers.recorder.RecorderNode", FOXGLOVE: "observers.foxglove.Foxglove"}
-CLASSES = NODES | _OBSERVERS
+CLASSES = NODES | {RECORDER: "observers.recorder.RecorderNode"}
+SUCCESSORS = {  # node or argument of an earlier version -> what there is instead
+    "foxglove": "is gone: the app opens a recording, and foxglove_bridge shows a skin on ROS",
+}
 
 
 def share_dir() -> Path:

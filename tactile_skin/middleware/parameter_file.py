@@ -13,7 +13,7 @@ from ..errors import FileError, ParameterError, did_you_mean
 from ..files import shorten
 from ..yaml_files import read_yaml
 from .bus import Parameter
-from .package import CLASSES, COMPOSED, NODES, SKIN_NODES
+from .package import CLASSES, COMPOSED, NODES, SKIN_NODES, SUCCESSORS
 
 SHARED = ("circuit", "curve", "geometry")  # parameters that several nodes read
 # parameters that ROS itself declares and takes; what ends with a point is a prefix
@@ -170,7 +170,8 @@ class ParameterFile:
             where = self.name_of(section)
             if last not in known:
                 if self.own or foreign or _misspelt(last, known):
-                    raise ParameterError(f"{where}: no such node{did_you_mean(last, known)}")
+                    what = SUCCESSORS.get(last, f"no such node{did_you_mean(last, known)}")
+                    raise ParameterError(f"{where}: {what}")
                 continue
             of_any = section in self._of_skins and last in _WILDCARDS  # of its nodes, all known
             if (allowed := everyone if of_any else known[last]) is None:
