@@ -147,7 +147,7 @@ def test_arguments_for_one_node_of_several():
         *("-p", "stop_on_push:threshold:=20.0", "-p", "monitor:duration:=3.0"),
         *("-r", "stop_on_push:__node:=guard", "-r", "__ns:=/left", "-r", "__node:=whole"),
     )
-    nodes = {node.kind: node for node in ros.plan_of("skin", args).nodes}
+    nodes = {node.executable: node for node in ros.plan_of("skin", args).nodes}
     assert set(nodes) == {"serial_driver", "compensation", "gesture_feature", "stop_on_push"}
     assert nodes["stop_on_push"].name == "guard"
     assert nodes["compensation"].name == "compensation"  # not all of them "whole"
@@ -164,7 +164,7 @@ def test_the_parts_of_a_skin_are_chosen_by_parameters(tmp_path):
     path = tmp_path / "launch_params_x"
     path.write_text("/**: {ros__parameters: {monitor: true, serial_driver: false}}\n")
     plan = ros.plan_of("skin", arguments("--params-file", str(path)))
-    kinds = [node.kind for node in plan.nodes]
+    kinds = [node.executable for node in plan.nodes]
     assert kinds == ["compensation", "gesture_feature", "stop_on_push", "monitor"]
     with pytest.raises(ParameterError, match="monitor of skin = 'yes': must be true or false"):
         ros.plan_of("skin", arguments("-p", "monitor:='yes'"))
@@ -193,7 +193,7 @@ def test_what_the_shipped_launch_file_gives_the_program_is_taken():
     (skin,) = [e["node"] for e in shipped if e.get("node", {}).get("exec") == "skin"]
     names = [p["name"] for p in skin["param"] if p["name"] not in ("config", *PARTS)]
     plan = ros.plan_of("skin", arguments(*(w for name in names for w in ("-p", f"{name}:=1"))))
-    assert {node.kind for node in plan.nodes} == {*SKIN_NODES}
+    assert {node.executable for node in plan.nodes} == {*SKIN_NODES}
 
 
 BY_HAND = "skin: {ros__parameters: {threshold: 25.0, circuit: {rows: 8}}}"
@@ -217,7 +217,7 @@ def test_what_is_for_the_program_is_for_each_of_its_nodes(tmp_path, words, text,
     path = tmp_path / name
     path.write_text(text)
     plan = ros.plan_of("skin", arguments(*(w.replace("FILE", str(path)) for w in words)))
-    values = {node.kind: node.values() for node in plan.nodes}
+    values = {node.executable: node.values() for node in plan.nodes}
     assert values["stop_on_push"] == {"threshold": 25.0, "circuit.rows": 8}
     assert values["compensation"]["circuit.rows"] == 8
 
@@ -227,7 +227,7 @@ def test_what_a_launch_file_gives_a_program_of_another_name(tmp_path):
     path = tmp_path / "launch_params_x"
     path.write_text("/left/torso: {ros__parameters: {threshold: 25.0, method: '', monitor: true}}")
     words = ["-r", "__ns:=/left", "-r", "__node:=torso", "--params-file", str(path)]
-    nodes = {node.kind: node for node in ros.plan_of("skin", arguments(*words)).nodes}
+    nodes = {node.executable: node for node in ros.plan_of("skin", arguments(*words)).nodes}
     assert nodes["stop_on_push"].values()["threshold"] == 25.0
     assert "monitor" in nodes and "method" not in nodes["compensation"].values()
 
@@ -281,7 +281,7 @@ def test_a_misspelt_name_in_a_launch_file_is_refused(tmp_path, name):
     for program in ("skin", "stop_on_push"):
         with refused if ours else contextlib.nullcontext():
             plan = ros.plan_of(program, arguments("--params-file", str(path)))
-            plan.nodes = [node for node in plan.nodes if node.kind == "stop_on_push"]
+            plan.nodes = [node for node in plan.nodes if node.executable == "stop_on_push"]
             Skin(plan).build()
 
 

@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_skin.launch import Skin, find, node_class, read_plan
+from tactile_skin.launch import Skin, find, read_plan
 from tactile_skin.middleware.bus import Time
 from tactile_skin.middleware.plan import make_node
 from tactile_skin.msg import DiagnosticArray, Image
@@ -91,7 +91,7 @@ class Page:
 
     def __init__(self, skin: Skin, action):
         self._handle = make_node(action, skin._context)
-        self._view = node_class(action.kind)(self._handle)
+        self._view = action.made_by(self._handle)
         skin._executor.add_node(self._handle)
         self._pipe, theirs = SPAWN.Pipe()
         self._pid = self._view._page._process.pid
@@ -130,7 +130,7 @@ def main(arguments=None) -> None:
     kinds = ["no page", SHOWN] + ["no view"] * args.bare
     arguments = {"method": "auto", "monitor": "false", "view": "true", "view_port": "0"}
     plan = read_plan(find("demo.launch.yaml"), arguments)
-    (action,) = [a for a in plan.nodes if a.kind == "view"]
+    (action,) = [a for a in plan.nodes if a.executable == "view"]
     plan.nodes.remove(action)
     action.give({"port": 0})
     with Skin(plan) as skin:

@@ -20,9 +20,17 @@ SHARED = ("circuit", "curve", "geometry")  # parameters that several nodes read
 THEIRS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 SKINS = "skins"  # key of the skins of a body, not of a node
 ELSEWHERE = "elsewhere"  # key of a skin whose nodes run on another computer
+OWN_NODES = "nodes"  # key of the nodes of a user's that run beside the skin's
 CONFIG = "config"  # parameter of a program: its parameter file, which must be there
 _PORT = "port"  # of a skin's board
 _OF_SKIN = (*SHARED, "frame_id", _PORT)  # what a skin of a body may state of itself
+_OF_NODE: dict[str, type] = {  # key of a node of a user's -> what it is
+    "class": str,  # module.Class; the others may be left out
+    "name": str,
+    "namespace": str,
+    "parameters": dict,
+    "remap": dict,
+}
 _SKIN_NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 _MISSPELT = 0.85  # ratio of difflib: `motor` is another node than `monitor`, `stop_on_psh` is none
 
@@ -37,12 +45,15 @@ class ParameterFile:
     parameters of nodes by their names, is for the nodes in its namespace, and wins over what its
     own file says, which it names as ``config``. ``elsewhere: true``: another computer runs them.
 
+    ``nodes:`` lists nodes of a user's for the same process, each with its ``class`` in a module.
+
     Args:
         own: it is the skin's own, named as its `config`: all of it must be known. Another may serve
             other nodes of the robot as well.
 
     Attributes:
         skins: their names.
+        nodes: of a user's: the keys of _OF_NODE, of which `class` is there.
         elsewhere: of those of them that another computer runs.
         sections: full name, such as "/left/stop_on_push" -> {parameter: value}.
 
@@ -62,6 +73,7 @@ class ParameterFile:
         self.sections: dict[str, dict] = {}
         self._names: dict[str, str] = {}  # full name -> as the file has it
         skins = data.pop(SKINS, {})
+        self.nodes = [self._own_node(node) for node in data.pop(OWN_NODES, None) or ()]
         for name, section in data.items():
             self._read(name, section)
         if not isinstance(skins, dict):
@@ -70,6 +82,16 @@ class ParameterFile:
         self._of_skins: set[str] = set()  # names of sections
         for name, given in skins.items():
             self._read_skin(name, given)
+
+    def _own_node(self, given) -> dict:
+        where = f"{self.path}: {OWN_NODES}: {shorten(given)}"
+        if not isinstance(given, dict) or "class" not in given:
+            raise FileError(f"{where}: must be a list of maps, each with class: module.Class")
+        for key, value in given.items():
+            if key not in _OF_NODE or not isinstance(value, _OF_NODE[key]):
+                known = ", ".join(f"{name} ({kind.__name__})" for name, kind in _OF_NODE.items())
+                raise FileError(f"{where}: {key}: must be one of {known}")
+        return given | {"parameters": _flat(given.get("parameters", {}), where)}
 
     def _read(self, name: str, section) -> None:
         below = section if isinstance(section, dict) else {}
