@@ -339,11 +339,11 @@ def check_parameters(plan: Plan, names: Mapping[str, frozenset[str] | None]) -> 
     programs = {last_of(name) for action in plan.nodes for name in action.programs}
     for file in plan.files():
         file.check(lasts, programs)
-        for section, values in file.sections.items():
-            shared = [name for name in values if name.split(".")[0] in SHARED]
-            if last_of(section) in CLASSES and shared:
+        for section in file.sections:
+            shared = [name for name in section.values if name.split(".")[0] in SHARED]
+            if section.node in CLASSES and shared:
                 raise LaunchError(
-                    f"{file.name_of(section)}: {shared[0]}: belongs under /**, since "
+                    f"{section.name}: {shared[0]}: belongs under /**, since "
                     "several nodes must agree on it"
                 )
 

@@ -107,7 +107,7 @@ def test_a_list_of_nodes_that_is_none_is_refused(write, wrong):
 
 
 def test_an_unknown_parameter_of_it_is_refused(write):
-    with pytest.raises(LaunchError, match=r"parameter 'unlit' is unknown; did you mean 'lit'"):
+    with pytest.raises(LaunchError, match=r"parameter 'unlit' is unknown; there are: lit"):
         started(write(**{"class": "skin_lamps.Lamp", "parameters": {"unlit": False}})).build()
 
 
