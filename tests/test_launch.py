@@ -97,7 +97,7 @@ def test_another_launch_file_is_refused_with_what_there_is_instead(name):
 def test_the_demo_takes_what_the_skin_takes_but_its_port():
     known = {argument.name for argument in read_arguments(find("skin.launch.yaml"))}
     demo = {argument.name for argument in read_arguments(find("demo.launch.yaml"))}
-    assert demo - known == {"board", "scene"}
+    assert demo - known == {"scene"}
     assert known - demo == {"port", "wait_for_port"}
     assert read_plan(find("demo.launch.yaml"), {"scene": "idle"}).commands[0][-2] == "--scene=idle"
 

@@ -15,11 +15,11 @@ import uuid
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from ..errors import FileError, LaunchError, did_you_mean
+from ..errors import FileError, LaunchError, is_unknown
 from ..files import shorten
 from ..yaml_files import parse_yaml, read_yaml
 from .bus import Parameter
-from .package import BODY, COMPOSED, MONITOR, PACKAGE, RECORDER, SUCCESSORS, VIEW, share_dir
+from .package import BODY, COMPOSED, MONITOR, PACKAGE, RECORDER, VIEW, share_dir
 from .parameter_file import CONFIG, ELSEWHERE, SKINS, ParameterFile
 from .plan import Argument, NodeAction, Plan, own_nodes
 
@@ -53,8 +53,7 @@ def read_plan(path, arguments: Mapping[str, object]) -> Plan:
     given = {name: str(value) for name, value in arguments.items()}
     plan = Plan(arguments={a.name: a for a in [*_arguments_of(name), RECORD]})
     if unknown := sorted(given.keys() - plan.arguments):
-        meant = did_you_mean(unknown[0], plan.arguments)
-        what = SUCCESSORS.get(unknown[0], f"is unknown{meant}")
+        what = is_unknown(unknown[0], plan.arguments)
         raise LaunchError(f"{path}: argument {unknown[0]!r} {what}")
     for argument in plan.arguments.values():
         if argument.default is None and argument.name not in given:
@@ -120,9 +119,9 @@ def _skin(started: _Started) -> None:
 
 def _demo(started: _Started) -> None:
     link = f"{tempfile.gettempdir()}/skin_{os.getpid()}_{uuid.uuid4().hex[:8]}/board"
-    board = [f"--{name}={started.given.pop(name)}" for name in ("board", "scene")]
-    sim = [sys.executable, "-m", PACKAGE, "sim", "--once", f"--link={link}", *board]
-    started.plan.commands.append([*sim, f"--{CONFIG}={started.given[CONFIG]}"])
+    sim = [sys.executable, "-m", PACKAGE, "sim", "--once", f"--link={link}"]
+    plays = f"--scene={started.given.pop('scene')}", f"--{CONFIG}={started.given[CONFIG]}"
+    started.plan.commands.append([*sim, *plays])
     started.given |= {"port": link, "wait_for_port": "15.0"}
     _skin(started)
 

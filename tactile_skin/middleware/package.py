@@ -46,9 +46,6 @@ PARTS = {
     "monitor": False,
 }
 CLASSES = NODES | {RECORDER: "observers.recorder.RecorderNode"}
-SUCCESSORS = {  # node or argument of an earlier version -> what there is instead
-    "foxglove": "is gone: the app opens a recording, and foxglove_bridge shows a skin on ROS",
-}
 
 
 def share_dir() -> Path:

@@ -8,11 +8,11 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..errors import FileError, ParameterError
+from ..errors import SUCCESSORS, FileError, ParameterError
 from ..files import shorten
 from ..yaml_files import read_yaml
 from .bus import Parameter
-from .package import CLASSES, COMPOSED, NODES, SKIN_NODES, SUCCESSORS
+from .package import CLASSES, COMPOSED, NODES, SKIN_NODES
 
 SHARED = ("circuit", "curve", "geometry")  # parameters that several nodes read
 # parameters that ROS itself declares and takes; what ends with a point is a prefix
