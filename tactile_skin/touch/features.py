@@ -33,6 +33,8 @@ class Contact(NamedTuple):
     force: float  # [N], sum of the cells' normal forces
     area: float  # [m^2], of the touched cells
     peak: float  # [N], largest force on one cell
+    bound: float  # [N], the most that its force may be
+    peak_bound: float  # [N], the most that its peak may be, if newtons are right
 
 
 class Push(NamedTuple):
@@ -59,7 +61,9 @@ class Frame(NamedTuple):
 _NOTHING = Push(np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), 0.0)
 
 
-def analyse_frame(force: np.ndarray, geometry: Geometry, cell_threshold: float) -> Frame:
+def analyse_frame(
+    force: np.ndarray, geometry: Geometry, cell_threshold: float, bound: np.ndarray | None = None
+) -> Frame:
     """Find the contacts of a frame and the push that they make together.
 
     The direction's confidence is |sum f n| / sum f, 1 where all touched cells face one way, 0 for
@@ -68,8 +72,11 @@ def analyse_frame(force: np.ndarray, geometry: Geometry, cell_threshold: float) 
     Args:
         force: (rows, cols) on each cell [N], 0 or more.
         cell_threshold: a contact has a cell with more [N].
+        bound: (rows, cols, 2) the most that each cell may feel, by the circuit and in all [N];
+            None: what is felt.
     """
-    cells, owner, n = segment(force, cell_threshold)
+    most = force if bound is None else np.maximum(bound[..., 1], force)
+    cells, owner, n = segment(force, cell_threshold, most)
     labels = np.zeros(force.shape, int)
     if n == 0:
         return Frame(force, labels, [], _NOTHING, cells, np.zeros((0, 0)))
@@ -80,7 +87,12 @@ def analyse_frame(force: np.ndarray, geometry: Geometry, cell_threshold: float) 
     forces = moments[:, 9].tolist()
     centres = moments[:, 6:9] / moments[:, 9:]
     areas = np.bincount(owner, geometry.cell_area.ravel()[cells]).tolist()
-    found = [*map(Contact, centres, forces, areas, own.max(1).tolist())]
+    peaks, bounds = own.max(1), np.bincount(owner, most.ravel()[cells])
+    highest = peaks if bound is None else np.zeros(n)
+    if bound is not None:
+        np.maximum.at(highest, owner, np.maximum(bound[..., 0], force).ravel()[cells])
+    parts = centres, forces, areas, peaks.tolist(), bounds.tolist(), highest.tolist()
+    found = [*map(Contact, *parts)]
     if n == 1:
         total, centre = moments[0], centres[0]
     else:
@@ -93,7 +105,9 @@ def analyse_frame(force: np.ndarray, geometry: Geometry, cell_threshold: float) 
     return Frame(force, labels, found, push, cells, own)
 
 
-def segment(force: np.ndarray, cell_threshold: float) -> tuple[np.ndarray, np.ndarray, int]:
+def segment(
+    force: np.ndarray, cell_threshold: float, most: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray, int]:
     """Which cells are touched, and which contact each belongs to, strongest contact first.
 
     A contact is a hill of cells that touch (8 neighbours), each above a tenth of the threshold: a
@@ -107,20 +121,23 @@ def segment(force: np.ndarray, cell_threshold: float) -> tuple[np.ndarray, np.nd
         cell_threshold: a hill whose strongest cell has no more [N] is no contact, unless all its
             cells have 200 times as much, or 40 N, together: a body that leans on many cells is soft
             on each. Of more than 40 N all such hills are one contact: it leans on several places.
+        most: (rows, cols) what each cell may feel at most, which is soft all over then [N]; None:
+            what it feels.
 
     Returns:
         (m,) places of the touched cells in the flattened picture; (m,) each one's contact, from 0;
         number of contacts.
     """
     flat, nothing = force.ravel(), np.zeros(0, int)
+    upper = flat if most is None else most.ravel()
     soft = min(_SOFT * cell_threshold, _MOST_SOFT)
     rim = _RIM * cell_threshold
     highest = flat.max()
-    if highest <= rim:
+    cells = ((flat if highest > cell_threshold else upper) > rim).nonzero()[0]
+    if not cells.size:
         return nothing, nothing, 0
-    cells = (flat > rim).nonzero()[0]
     f = flat[cells]
-    if not (highest > cell_threshold or f.sum() > soft):
+    if not (highest > cell_threshold or upper[cells].sum() > soft):
         return nothing, nothing, 0
     weakest_first = f.argsort(kind="stable")
     cells, f = cells[weakest_first], f[weakest_first]  # (m,)
@@ -137,13 +154,13 @@ def segment(force: np.ndarray, cell_threshold: float) -> tuple[np.ndarray, np.nd
     top_of = np.arange(m)
     top_of[tops] = _join(tops, hill, around, f, cell_threshold)
     owner = top_of[hill]
-    sums = np.bincount(owner, f).tolist()
+    sums = np.bincount(owner, upper[cells]).tolist()
     felt = [k for k in sorted(set(owner.tolist())) if f[k] > cell_threshold or sums[k] > soft]
-    if f.sum() - sum(sums[k] for k in felt) > _MOST_SOFT:
+    if upper[cells].sum() - sum(sums[k] for k in felt) > _MOST_SOFT:
         left = ~np.isin(owner, felt)
         felt.append(owner[left].max())
         owner[left] = felt[-1]
-        sums = np.bincount(owner, f).tolist()
+    sums = np.bincount(owner, f).tolist()
     number = np.full(m, -1)
     number[sorted(felt, key=lambda k: -sums[k])] = range(len(felt))
     contact = number[owner]
