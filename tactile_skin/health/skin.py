@@ -219,7 +219,8 @@ class Skin:
         noise = max(self._tare.noise or SCAN_NOISE, ROUNDING_NOISE)
         if touched and not self._adc.bounds(adc).any():
             self._tracker.offer(t, adc, noise)
-        if touched and not self._tracker.overdue(t, stopped):
+        # what nothing has shown yet counts against each touch: it is asked at once
+        if touched and not self._tracker.overdue(t, stopped or not self.proved):
             return
         try:
             if self._tracker.ask(self._tare.curve, noise):

@@ -84,6 +84,8 @@ class GestureFeature:
         self._stroke_confidence = node.create_publisher(Float32, "skin/stroke_confidence", 10)
         self._gestures = node.create_publisher(PointCloud2, "skin/gestures", 10)
         self._parts: dict[str, Image] = {}  # topic -> its last picture
+        self._touched = False  # in the last frame
+        self._stamp: object = None  # of the last reading that was taken
         for topic in (_PRESSURE, _BOUND):
             callback = functools.partial(self._take, topic)
             node.create_subscription(Image, topic, callback, READING)
@@ -95,9 +97,11 @@ class GestureFeature:
         """Take a picture; those of one reading have one stamp, and come in any order on ROS."""
         self._parts[topic] = msg
         pressure, bound = self._parts.get(_PRESSURE), self._parts.get(_BOUND)
-        if bound is None and pressure is not None:  # somebody else's pressures
-            self.on_pressure(pressure, None)
-        elif pressure and bound and pressure.header.stamp == bound.header.stamp:
+        if pressure is None or pressure.header.stamp == self._stamp:
+            return
+        # without any bound they are somebody else's pressures
+        if bound is None or pressure.header.stamp == bound.header.stamp:
+            self._stamp = pressure.header.stamp
             self.on_pressure(pressure, bound)
 
     def on_pressure(self, msg: Image, most: Image | None) -> None:
@@ -118,7 +122,9 @@ class GestureFeature:
         bound = np.stack([force, UNPROVED * force], -1)
         if most is not None and image_array(most).shape == bound.shape:
             bound = image_array(most) * self.geometry.cell_area[..., None]
-        frame = features.analyse_frame(force, self.geometry, self.cell_threshold, bound)
+        given = force, self.geometry, self.cell_threshold, bound
+        frame = features.analyse_frame(*given, held=self._touched)
+        self._touched = bool(frame.contacts)
         t = seconds(header)
         touches = self.tracker.update(t, frame)
         self._contacts.publish(contact_cloud(touches, header))  # first: the stop waits for it

@@ -185,10 +185,10 @@ class StopOnPush:
         force, peak = columns["force"], columns["peak"]
         self._header = msg.header  # not of one that cannot be read: "free" rests on its stamp
         self._force = _unless_negative(force, np.sum)
-        self._most = self._force if self._force < 0.0 else most_of(columns)
-        largest = _unless_negative(peak, np.max)
-        if largest >= 0.0:
-            largest = max(largest, _unless_negative(columns.get("peak_bound", peak), np.max))
+        self._most, largest = self._force, _unless_negative(peak, np.max)
+        if self._force >= 0.0 and largest >= 0.0:
+            highest = _unless_negative(columns.get("peak_bound", peak), np.max)
+            self._most, largest = most_of(columns), max(largest, highest)
         stamp = seconds(msg.header)
         self._watch_clock()  # with readings that come often the timer is never due
         t, felt = now(self.node), max(self._force, 0.0)

@@ -20,6 +20,7 @@ _RIM = 0.1  # of the threshold: what lies around a touched cell belongs to its c
 # Times the threshold: force of a touch that is soft all over, 40 N at 20 g. Less would make a touch
 # of the 35 N that the naive method sees on an idle skin.
 _SOFT = 200.0
+_LEFT = 1.0  # N, of a touch that was felt: what a fabric keeps after 45 N is less
 _MOST_SOFT = 40.0  # N, of it at most: the stop must see a body whatever the threshold
 # Of the lower of two peaks, which are two touches if the force between them falls below it. Chosen
 # on pairs of pads, scored in docs/touch.md.
@@ -62,7 +63,12 @@ _NOTHING = Push(np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), 0.0)
 
 
 def analyse_frame(
-    force: np.ndarray, geometry: Geometry, cell_threshold: float, bound: np.ndarray | None = None
+    force: np.ndarray,
+    geometry: Geometry,
+    cell_threshold: float,
+    bound: np.ndarray | None = None,
+    *,
+    held: bool = False,
 ) -> Frame:
     """Find the contacts of a frame and the push that they make together.
 
@@ -74,9 +80,11 @@ def analyse_frame(
         cell_threshold: a contact has a cell with more [N].
         bound: (rows, cols, 2) the most that each cell may feel, by the circuit and in all [N];
             None: what is felt.
+        held: whether something touched in the frame before: what is left of it, on many cells, is
+            still a contact, so that a touch that fades is not lost at the threshold.
     """
     most = force if bound is None else np.maximum(bound[..., 1], force)
-    cells, owner, n = segment(force, cell_threshold, most)
+    cells, owner, n = segment(force, cell_threshold, most, held=held)
     labels = np.zeros(force.shape, int)
     if n == 0:
         return Frame(force, labels, [], _NOTHING, cells, np.zeros((0, 0)))
@@ -106,7 +114,11 @@ def analyse_frame(
 
 
 def segment(
-    force: np.ndarray, cell_threshold: float, most: np.ndarray | None = None
+    force: np.ndarray,
+    cell_threshold: float,
+    most: np.ndarray | None = None,
+    *,
+    held: bool = False,
 ) -> tuple[np.ndarray, np.ndarray, int]:
     """Which cells are touched, and which contact each belongs to, strongest contact first.
 
@@ -123,6 +135,7 @@ def segment(
             on each. Of more than 40 N all such hills are one contact: it leans on several places.
         most: (rows, cols) what each cell may feel at most, which is soft all over then [N]; None:
             what it feels.
+        held: whether something touched in the frame before: 1 N on all cells is then a contact.
 
     Returns:
         (m,) places of the touched cells in the flattened picture; (m,) each one's contact, from 0;
@@ -131,13 +144,14 @@ def segment(
     flat, nothing = force.ravel(), np.zeros(0, int)
     upper = flat if most is None else most.ravel()
     soft = min(_SOFT * cell_threshold, _MOST_SOFT)
+    least = _LEFT if held else soft  # of a frame
     rim = _RIM * cell_threshold
     highest = flat.max()
     cells = ((flat if highest > cell_threshold else upper) > rim).nonzero()[0]
     if not cells.size:
         return nothing, nothing, 0
     f = flat[cells]
-    if not (highest > cell_threshold or upper[cells].sum() > soft):
+    if not (highest > cell_threshold or upper[cells].sum() > least):
         return nothing, nothing, 0
     weakest_first = f.argsort(kind="stable")
     cells, f = cells[weakest_first], f[weakest_first]  # (m,)
@@ -156,7 +170,8 @@ def segment(
     owner = top_of[hill]
     sums = np.bincount(owner, upper[cells]).tolist()
     felt = [k for k in sorted(set(owner.tolist())) if f[k] > cell_threshold or sums[k] > soft]
-    if upper[cells].sum() - sum(sums[k] for k in felt) > _MOST_SOFT:
+    left_over = upper[cells].sum() - sum(sums[k] for k in felt)
+    if left_over > _MOST_SOFT or not felt:
         left = ~np.isin(owner, felt)
         felt.append(owner[left].max())
         owner[left] = felt[-1]
