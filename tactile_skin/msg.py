@@ -7,6 +7,7 @@ ROS 2 name of each. A published message is shared by all its subscribers: treat 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, ClassVar
@@ -243,30 +244,40 @@ class Trigger:
 
 # --- arrays in and out of messages --------------------------------------------------------------
 
-_ENCODINGS: dict[str, np.dtype[Any]] = {"16UC1": np.dtype("<u2"), "32FC1": np.dtype("<f4")}
+PAIR = "32FC2"  # encoding of a picture with two numbers a cell
+_ENCODINGS: dict[str, np.dtype[Any]] = {
+    "16UC1": np.dtype("<u2"),
+    "32FC1": np.dtype("<f4"),
+    PAIR: np.dtype("<f4"),
+}
 
 
 def image(array: np.ndarray, encoding: str, header: Header) -> Image:
-    """(rows, cols) array -> Image, row-major, little-endian; encoding 16UC1 or 32FC1."""
+    """Return an (rows, cols) array as an Image, row-major, little-endian.
+
+    Its encoding is 16UC1 or 32FC1; 32FC2 of an (rows, cols, 2) array.
+    """
     _check_encoding(encoding)
     data = np.ascontiguousarray(array, _ENCODINGS[encoding])
-    height, width = data.shape
-    return Image(header, height, width, encoding, 0, width * data.itemsize, data.tobytes())
+    height, width = data.shape[:2]
+    step = data.nbytes // max(height, 1)
+    return Image(header, height, width, encoding, 0, step, data.tobytes())
 
 
 def image_array(msg: Image) -> np.ndarray:
-    """Image -> (rows, cols) array, read-only.
+    """Return an Image as an (rows, cols) array, of 32FC2 (rows, cols, 2), read-only.
 
     Raises:
-        ValueError: an encoding other than 16UC1 and 32FC1, or data of another size.
+        ValueError: an encoding other than 16UC1, 32FC1 and 32FC2, or data of another size.
     """
     _check_encoding(msg.encoding)
     dtype = _ENCODINGS[msg.encoding].newbyteorder(">" if msg.is_bigendian else "<")
-    if len(msg.data) != msg.height * msg.width * dtype.itemsize:
+    shape = (msg.height, msg.width, 2) if msg.encoding == PAIR else (msg.height, msg.width)
+    if len(msg.data) != math.prod(shape) * dtype.itemsize:
         raise ValueError(
             f"image of {msg.height} x {msg.width} {msg.encoding} holds {len(msg.data)} bytes"
         )
-    return np.frombuffer(msg.data, dtype).reshape(msg.height, msg.width)
+    return np.frombuffer(msg.data, dtype).reshape(shape)
 
 
 def _check_encoding(encoding: str) -> None:

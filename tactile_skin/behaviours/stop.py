@@ -14,12 +14,15 @@ from typing import NamedTuple
 
 from ..fields import Checked, parameter
 from .pace import RESUMED, Pace
+from .standing import Standing
 
 _STEADY = 3  # readings in a row, none late, that end "stale",
 _STEADY_FOR = 0.02  # s that they take: what was kept in a buffer meanwhile comes in one burst
 _ROUNDING = 1e-6  # s, of the difference of two stamps
 MAX_AHEAD = 0.02  # s that a reading's stamp may lie ahead of the clock
 TRANSPORT = 0.02  # s that a message of the stop may take to its subscribers: threads, a network
+_FADED = "it faded, and was not let go: touch the skin there and let go, or reset the stop"
+_FADES = 5.0  # s below `release` after which a push that was not let go is said to have faded
 OUT_OF_DATE = "stale: the stop's last 'free' is based on an old reading"
 
 
@@ -149,11 +152,15 @@ class StopPolicy:
         self._olds = 0  # those of them that were old when they came
         self._newest = -math.inf  # stamp of the newest reading
         self._old_at = -math.inf  # when the last one came that was too old, or no news
-        self._force = self._peak = 0.0  # of the newest reading
+        self._force = self._peak = self._felt = 0.0  # of the newest reading
         self._in_time = 0  # readings in a row of which none was late
         self._late = -math.inf  # stamp of the last one that was
         self._above_since: float | None = None
         self._held_until: float | None = None  # a push is on while this is set
+        self.unknown = ""  # why a force may be more than is felt, in words
+        self._words = ""  # of the push that is on
+        self._above = -math.inf  # s, when it was above `release` last
+        self._standing, self._standing_peak = Standing(), Standing()
         self._faults: dict[str, Reason] = {}
         self._was_free = False
         self._latched: Reason | None = None  # of the stop that waits for a reset
@@ -167,16 +174,22 @@ class StopPolicy:
             self._pace.configure(config.stale_after)
         self.config = config
         if self._force >= config.threshold or self._peak >= config.peak:
-            self._held_until = self._newest + config.hold
+            self._hold(self._newest)
 
     def reading(
-        self, t: float, force: float, peak: float = 0.0, stamp: float | None = None
+        self,
+        t: float,
+        force: float,
+        peak: float = 0.0,
+        stamp: float | None = None,
+        felt: float | None = None,
     ) -> Decision:
         """Take a reading that arrived at t.
 
         Args:
-            force: total contact force [N].
-            peak: largest force on one cell [N].
+            force: total contact force, the most that it may be [N].
+            peak: largest force on one cell, the most that it may be [N].
+            felt: total contact force as it is felt [N]; None: `force`.
             stamp: when it was taken, t by default. One that is no newer than the last, or lies
                 ahead of t, proves nothing, and so does not keep the robot moving.
         """
@@ -189,6 +202,8 @@ class StopPolicy:
                 self._held_until = t + self.config.hold
             self._lates = self._olds = 0
             self._pace.forget()
+            self._standing.begin()
+            self._standing_peak.begin()
         if not (0.0 <= force < math.inf and 0.0 <= peak < math.inf):
             self.fault("reading", f"invalid force: {force} N in all, {peak} N on one cell")
             return self.decide(t)
@@ -207,21 +222,49 @@ class StopPolicy:
         share = 0.0 if late else min(1.0, config.lead / gap)
         ahead = force + share * max(0.0, force - self._force)
         self._newest, self._force, self._peak = stamp, force, peak
+        self._felt = force if felt is None else felt
+        self._standing.take(stamp, force)
+        self._standing_peak.take(stamp, peak)
         if self._steady:
             self._lates = self._olds = 0
         if ahead >= config.threshold or peak >= config.peak:
             self._above_since = stamp if self._above_since is None else self._above_since
             # Nor how long it has lasted: then it counts at once.
             if late or stamp - self._above_since >= config.debounce - _ROUNDING:
-                self._held_until = stamp + config.hold
+                self._hold(stamp)
         else:
             self._above_since = None
         if self._held_until is not None:
             if force > config.release:
-                self._held_until = stamp + config.hold
+                self._held_until, self._above = stamp + config.hold, stamp
+            elif self._above_since is None and not self._let_go:
+                self._held_until = max(self._held_until, stamp + _ROUNDING)
+                self._words = self._words if stamp - self._above < _FADES else _FADED
             elif stamp >= self._held_until and self._above_since is None:
                 self._held_until = None
         return self.decide(t)
+
+    @property
+    def _let_go(self) -> bool:
+        """Whether what pressed was let go, and did not only fade."""
+        limits = self.config
+        peak = limits.peak * limits.release / limits.threshold
+        return self._standing.force <= limits.release and self._standing_peak.force <= peak
+
+    def _hold(self, stamp: float) -> None:
+        """Begin a push, or go on with it: a reading of this time is above a limit."""
+        if self._held_until is None or self._words == _FADED:
+            limits, felt = self.config, self._felt
+            told = f"{felt:.0f} N"
+            if self._force >= 1.05 * felt + 0.5:
+                why = f": {self.unknown}" if self.unknown else ""
+                told += f" (may be {self._force:.0f} N{why})"
+            limit = f"limit {limits.threshold:g} N"
+            if self._force < limits.threshold and self._peak >= limits.peak:
+                told = f"up to {self._peak:.0f} N on one cell"
+                limit = f"limit {limits.peak:g} N"
+            self._words = f"{told}, {limit}"
+        self._held_until, self._above = stamp + self.config.hold, stamp
 
     def fault(self, source: str, message: str, waiting: bool = False) -> None:
         """Take a stage's report that it is wrong, or valid again with an empty message.
@@ -268,6 +311,11 @@ class StopPolicy:
 
     def reset(self, t: float) -> str:
         """Free a latched stop; while a cause of it lasts it stays, and the causes are returned."""
+        over = self._force <= self.config.release and self._above_since is None
+        if self.pushed and over and not self._let_go:
+            self._standing.begin()  # somebody has checked what only faded
+            self._standing_peak.begin()
+            self._held_until = None
         causes = self._causes(t)
         if not causes:
             self._latched = None
@@ -280,7 +328,7 @@ class StopPolicy:
             self._latched = reason
 
     def _causes(self, t: float) -> list[Reason]:
-        reasons = [Reason(Cause.PUSH)] if self.pushed else []
+        reasons = [Reason(Cause.PUSH, self._words)] if self.pushed else []
         reasons += [reason for _, reason in sorted(self._faults.items())]
         fresh = -MAX_AHEAD <= t - self._newest <= self.stale_after
         if not (fresh and self._steady):

@@ -40,6 +40,9 @@ class Piece(NamedTuple):
     force: float  # [N]
     area: float  # [m^2]
     peak: float  # [N], on one cell
+    # [N], the most that its force, and its peak, may be
+    bound: float = 0.0
+    peak_bound: float = 0.0
 
 
 class BodyTouch(NamedTuple):
@@ -53,6 +56,8 @@ class BodyTouch(NamedTuple):
     force: float  # [N], of all pieces, as are area and peak
     area: float
     peak: float
+    bound: float  # [N], the most that its force may be; of its peak
+    peak_bound: float
 
 
 class _Track:
@@ -142,12 +147,14 @@ class BodyTracker:
         for track in self._tracks:
             if pieces := track.pieces:
                 most = max(pieces, key=lambda skin: pieces[skin].force)
-                force, area = (sum(p[k] for p in pieces.values()) for k in (2, 3))
-                peak = max(p.peak for p in pieces.values())
-                place, velocity = track.position, track.velocity
-                found.append(
-                    BodyTouch(track.id, track.new, most, place, velocity, force, area, peak)
+                force, area, bound = (
+                    sum(getattr(p, name) for p in pieces.values())
+                    for name in ("force", "area", "bound")
                 )
+                peak = max(p.peak for p in pieces.values())
+                peak_bound = max(p.peak_bound for p in pieces.values())
+                who = track.id, track.new, most, track.position, track.velocity
+                found.append(BodyTouch(*who, force, area, peak, bound, peak_bound))
                 track.new = False
         return found
 

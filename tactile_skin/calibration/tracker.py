@@ -138,7 +138,7 @@ class CircuitTracker:
         """
         return self._waiting is not None and t - self._t > (_STOPPED if stopped else _PATIENCE)
 
-    def unknown(self, *, changed: bool = False) -> float:
+    def unknown(self, *, changed: bool = False, parts: float = 0.0) -> float:
         """Return by how much what lies in series may exceed that of `circuit` [ohm].
 
         This is the best guess, which may not be sure enough to be used, and its std.
@@ -147,11 +147,16 @@ class CircuitTracker:
 
         Args:
             changed: whether it may be another than that of the touches so far.
+            parts: what those of a board have beyond it at most, until touches or a measurement
+                show how much it is [ohm].
         """
         n = len(self._known_to)
         more = np.maximum(self._off - self._adopted, 0.0)[:n].sum()
         std = np.full(n, np.inf) if changed else self.std[:n]
-        return float(more + np.hypot.reduce(np.minimum(std, self._known_to)))
+        known_to = np.array(self._known_to)
+        if not self._calibrated:
+            known_to[0] = max(known_to[0], parts)
+        return float(more + np.hypot.reduce(np.minimum(std, known_to)))
 
     def values(self) -> dict[str, str]:
         """For diagnostics [ohm]; empty as long as nothing is known."""

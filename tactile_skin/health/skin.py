@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ..calibration.bound import PARTS, Unknown, scale_at_rest, upper_bound
 from ..calibration.creep import Standing
 from ..calibration.tare import Tare
 from ..calibration.touched import STIRRED, STIRRED_CELLS, TOUCHED
@@ -21,6 +22,7 @@ from ..physics.adc import Adc
 from ..physics.circuit import forward
 from ..physics.creep import Creep
 from ..physics.curve import PressureCurve
+from ..physics.proof import UNPROVED
 from ..solvers import METHODS, Estimate, compensate
 from ..solvers.reading import ROUNDING_NOISE, SCAN_NOISE, rest_reading
 from .monitor import Monitor
@@ -48,6 +50,8 @@ class Skin:
         residual: of the last frame [ADC steps].
         force: on its most loaded cell [N].
         std: (rows, cols) of the last picture, one standard deviation of each force [N].
+        bound: (rows, cols, 2) the most that each cell of it may feel, by the circuit and in all
+            [N]; what a standing load gained by creep is not taken out of it.
         waits: whether the rest has still to be measured for the first time.
         taken: method -> number of frames.
         fitted: whether the last frame was fitted in full, not in a hurry.
@@ -65,6 +69,8 @@ class Skin:
         threshold: float,
         time_limit: float,
         weights,
+        factor: float = UNPROVED,
+        proved: bool = False,
         warn: Callable[[str], None],
     ):
         """Prepare a skin of which nothing has been read.
@@ -79,6 +85,8 @@ class Skin:
             threshold: ADC ratio up to which the board sends 0 or no reading.
             time_limit: after which a frame fails [s]; 0: by the board's rate.
             weights: of a network; None: those of the package.
+            factor, proved: times what is felt that a force is at most; whether anything absolute
+                was ever seen, as `physics.proof` has them.
             warn: takes what somebody should know, and no stop is for.
         """
         self.circuit = adc.circuit
@@ -92,6 +100,8 @@ class Skin:
         self._standing = Standing(creep, curve) if creep.share else None
         self._tare = Tare(self.circuit, curve)
         self._tracker = CircuitTracker(self.circuit, r_par_std)
+        self.factor, self.proved = factor, proved
+        self._scale: tuple[PressureCurve, float] | None = None  # by how which curve rests
         self._monitor = Monitor(adc, threshold)
         self._last: Estimate | None = None  # the last frame: where the next starts from
         self._rested = -np.inf  # s, of the last frame in which nothing touched
@@ -101,6 +111,7 @@ class Skin:
         self.status, self.message, self.residual, self.force = "ok", "", 0.0, 0.0
         self._doubt: Finding | None = None  # of the last frame
         self.std = np.zeros(self.circuit.shape)
+        self.bound = np.zeros((*self.circuit.shape, 2))
         self.taken: Counter[str] = Counter()
         self.fitted = True
 
@@ -160,6 +171,10 @@ class Skin:
         force = None
         if estimate.status != "failed":
             self._rest(t, adc, estimate)
+            unread = np.isnan(adc)
+            std = np.where(unread, estimate.std, 0.0) if unread.any() else None
+            curve = self._tare.curve
+            self.bound = upper_bound(estimate.force, std, self.circuit, curve, self.unknown)
             force = self._standing.update(t, estimate.force) if self._standing else estimate.force
         touched = self.force >= TOUCHED
         stirs = touched or np.count_nonzero(estimate.force > STIRRED) >= STIRRED_CELLS
@@ -204,7 +219,8 @@ class Skin:
         noise = max(self._tare.noise or SCAN_NOISE, ROUNDING_NOISE)
         if touched and not self._adc.bounds(adc).any():
             self._tracker.offer(t, adc, noise)
-        if touched and not self._tracker.overdue(t, stopped):
+        # what nothing has shown yet counts against each touch: it is asked at once
+        if touched and not self._tracker.overdue(t, stopped or not self.proved):
             return
         try:
             if self._tracker.ask(self._tare.curve, noise):
@@ -272,11 +288,27 @@ class Skin:
         return 0.0 <= self._at - self._ended_at < _ENDED
 
     @property
+    def unknown(self) -> Unknown:
+        """What is not known of the skin, by which a force may exceed what is felt."""
+        return Unknown(self.hidden_series, self._scale_at_rest, self.factor, self.proved)
+
+    @property
+    def _scale_at_rest(self) -> float:
+        curve = self._tare.curve
+        if self.proved or not self._tare.measured:
+            return 1.0
+        if self._scale is None or self._scale[0] is not curve:
+            self._scale = curve, scale_at_rest(self.circuit, curve)
+        return self._scale[1]
+
+    @property
     def unknown_series(self) -> float:
         """By how much what lies in series may exceed that of `circuit` [ohm]."""
         # another one changes all cells at rest at once
         changed = any(f.kind is Kind.ALL_CELLS for f in self._monitor.findings())
-        return self._tracker.unknown(changed=changed)
+        # nobody has shown that an r_par is right which was merely entered
+        parts = 0.0 if self.proved else PARTS - self.circuit.r_par
+        return self._tracker.unknown(changed=changed, parts=parts)
 
     @property
     def hidden_series(self) -> float:

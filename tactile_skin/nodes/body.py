@@ -36,18 +36,19 @@ from . import now, seconds
 from .frames import hear
 from .gesture_feature import CONTACT, heard
 from .stop_on_push import (
-    COUNTS_AS,
     HEARTBEAT,
     PUSH,
     STATUS,
     STATUS_TOPIC,
     Decisions,
     answered,
+    most_of,
     stop_message_of,
 )
 from .touch import xyz
 
 _NEWEST = 1  # messages of a topic that wait: a body that lags reads a stop before old contacts
+_PIECE = "force", "area", "peak", "bound", "peak_bound"  # fields of a contact that add up
 _SKIN = "skin"  # field of a contact: the place of its skin in the parameter `skins`, from 0
 # key of a value: each skin and how old the reading of its stop was when the body heard it [s];
 # below 0: the clock of its computer is ahead
@@ -133,9 +134,6 @@ class Body:
         self._bases[name] = seconds(msg.header)
         self._ages[name] = t - self._bases[name]
         self.stop.hear(t, name, stop_message_of(msg, t), self._bases[name])
-        values = {pair.key: pair.value for pair in msg.status[0].values}
-        if COUNTS_AS in values:  # a stop of one's own may only say that it stops
-            self.stop.touched(name, self._bases[name], float(values[COUNTS_AS]))
         self._decide(t, always=False)
 
     def on_wrench(self, name: str, msg: WrenchStamped) -> None:
@@ -147,13 +145,14 @@ class Body:
             self._joined(name, msg.header)
 
     def on_contacts(self, name: str, msg: PointCloud2) -> None:
+        stamp, columns = seconds(msg.header), cloud_columns(msg)
+        self.stop.touched(name, stamp, most_of(columns))
         if (pose := self._pose(name, msg.header)) is None:
             return
-        stamp = seconds(msg.header)
-        columns = cloud_columns(msg, "x", "y", "z", "force", "area", "peak", "id")
-        table = np.stack([columns[k] for k in ("x", "y", "z", "force", "area", "peak", "id")], 1)
+        columns = {"bound": columns["force"], "peak_bound": columns["peak"]} | columns
+        table = np.stack([columns[name] for name in ("id", "x", "y", "z", *_PIECE)], 1)
         pieces = [
-            Piece(int(row[6]), pose.rotation @ row[:3] + pose.translation, *row[3:6].tolist())
+            Piece(int(row[0]), pose.rotation @ row[1:4] + pose.translation, *row[4:].tolist())
             for row in table.astype(float)
         ]
         self.tracker.update(stamp, name, pieces)
@@ -219,6 +218,8 @@ class Body:
                 x.id,
                 *x.velocity.tolist(),
                 0.0 if x.new else 1.0,
+                x.bound,
+                x.peak_bound,
                 self._names.index(x.skin),
             )
             for x in touches

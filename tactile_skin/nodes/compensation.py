@@ -3,18 +3,40 @@
 
 from __future__ import annotations
 
+import datetime
+
 from ..findings.finding import BESIDE_THE_REST, Finding
 from ..health.skin import Skin
 from ..learning import network
 from ..middleware.bus import DurabilityPolicy, QoSProfile
-from ..middleware.config import adc_of, circuit_of, creep_of, curve_of, declared, geometry_of
-from ..msg import Header, Image, TimeReference, Trigger, image, image_array
+from ..middleware.config import (
+    adc_of,
+    circuit_of,
+    creep_of,
+    curve_of,
+    declared,
+    geometry_of,
+    proof_of,
+)
+from ..msg import (
+    PAIR,
+    DiagnosticArray,
+    Header,
+    Image,
+    TimeReference,
+    Trigger,
+    image,
+    image_array,
+)
 from ..parameters.nodes import Compensation as Parameters
+from ..physics.proof import SIMULATED
+from ..solvers.evidence import series_scale
 from . import READING, diagnostics, now, seconds
 from .gesture_feature import heard
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _MIN_LINES = 3  # rows and columns; with fewer some faults look like touches: docs/reliability.md
+_NOT_KNOWN = 0.1  # of its scale, by which r_par may be more, from which on that is said
 _HOLD = 1.0  # s for which a reason is kept at least, while the robot is stopped for one
 _MORE = "; more: doctor"  # the command sees many frames, and says what to enter
 # s that a reading has waited from which on the faster method takes it: less than four frames of the
@@ -28,8 +50,9 @@ _APART = 0.02  # s apart that old ones are taken, for the stop to know that ther
 class Compensation:
     """Publishes the force picture of each reading, how sure it is, and what is wrong.
 
-    Publishes skin/pressure (32FC1, Pa, row-major) with the reading's stamp; skin/pressure_std,
-    one standard deviation of it; skin/taken, when it took each reading up, from which a replay
+    Publishes skin/pressure (32FC1, Pa, row-major) with the reading's stamp; skin/pressure_bound
+    (32FC2, Pa), the most that each cell may feel, by the circuit and in all; skin/pressure_std, one
+    standard deviation of it; skin/taken, when it took each reading up, from which a replay
     knows which were late; skin/rest (32FC1, the resistance of each cell at rest, ohm) once it was
     measured; and diagnostics once a second and whenever the level changes: WARN for a suspect
     frame, ERROR, which stops the robot, for a failed one and for a fault of the skin. A frame that
@@ -62,6 +85,7 @@ class Compensation:
                 "docs/reliability.md",
                 *circuit.shape,
             )
+        proof = proof_of(given.curve)
         weights = network.load(given.weights) if given.weights else None
         if weights:
             weights.check(circuit, curve)
@@ -76,9 +100,13 @@ class Compensation:
             threshold=adc.threshold(given.board_threshold),
             time_limit=given.time_limit,
             weights=weights,
+            factor=proof.factor(datetime.date.today()),
+            proved=proof.proved,
             warn=node.get_logger().warning,
         )
+        self._proof = proof.by
         self._pressure = node.create_publisher(Image, "skin/pressure", 10)
+        self._bound = node.create_publisher(Image, "skin/pressure_bound", 10)
         self._std = node.create_publisher(Image, "skin/pressure_std", 10)
         self._taken_up = node.create_publisher(TimeReference, "skin/taken", 10)
         self._diagnostics = diagnostics.Reporter(node)
@@ -93,6 +121,7 @@ class Compensation:
         self.on_parameters({"method": given.method})
         node.on_set_parameters(self.on_parameters)
         node.create_subscription(Image, "skin/adc", self.on_adc, READING)
+        node.create_subscription(DiagnosticArray, diagnostics.TOPIC, self.on_diagnostics, 50)
         node.create_service(Trigger, "~/reset", self.on_reset)
         node.create_service(Trigger, "~/tare", self.on_tare)
         node.create_timer(1.0, self.on_second)
@@ -118,16 +147,24 @@ class Compensation:
         except ValueError as error:
             force = self.skin.refuse(str(error))
         else:
-            stopped, ended = self._level == diagnostics.ERROR, self.skin.ends
+            stopped = self._level == diagnostics.ERROR
             force = self.skin.frame(t, samples, late=late, stopped=stopped)
-            if self.skin.ends and not ended:  # the stop must know before it has the picture
-                self.report()
         self._fitted_at = taken if self.skin.fitted else self._fitted_at
         if force is not None:
+            self._bound.publish(
+                image(self.skin.bound / self.cell_area[..., None], PAIR, msg.header)
+            )
             self._pressure.publish(image(force / self.cell_area, "32FC1", msg.header))
         self._update_level()
         if force is not None and heard(self._std):
             self._std.publish(image(self.skin.std / self.cell_area, "32FC1", msg.header))
+
+    def on_diagnostics(self, msg: DiagnosticArray) -> None:
+        """Learn that the board is simulated, with the curve of this skin: nothing is unknown."""
+        for status in msg.status:
+            if any(v.key == diagnostics.SIMULATED and v.value == "true" for v in status.values):
+                self._proof = SIMULATED
+                self.skin.factor, self.skin.proved = 1.0, True
 
     def on_reset(self, _, response):
         self.skin.reset()
@@ -185,10 +222,23 @@ class Compensation:
             header = Header(self.node.get_clock().now().to_msg())
             self._rest.publish(image(rest, "32FC1", header))
 
+    def _unknown(self) -> list[str]:
+        """Return what lets a force be more than is felt, the largest part first."""
+        skin, found = self.skin, []
+        if not skin.proved:
+            found.append(diagnostics.SCALE)
+        if skin.unknown_series > _NOT_KNOWN * series_scale(skin.circuit):
+            found.append(diagnostics.SERIES)
+        if skin.ends:
+            found.append(diagnostics.ENDS)
+        return found
+
     def report(self) -> None:
         values = self.skin.values() | {
             "method": self._method,
             diagnostics.WAITING: str(self._waiting).lower(),
+            diagnostics.PROOF: self._proof,
+            diagnostics.UNKNOWN: " ".join(self._unknown()),
             diagnostics.UNKNOWN_SERIES: f"{self.skin.hidden_series:.1f}",
             "skipped": self.skipped,
         }

@@ -17,6 +17,10 @@ ALL = "/diagnostics"  # of the whole robot, for diagnostic_aggregator and for pe
 WAITING = "waiting"
 # key of a value: ohm by which the series resistance of the readings may be more than is supposed
 UNKNOWN_SERIES = "r_par_unknown"
+# key of a value: why forces may be more than is felt, separated by spaces: some of these
+UNKNOWN = "unknown"
+SCALE, SERIES, ENDS = "scale", "series", "ends"
+PROOF = "proof"  # key of a value: what showed that the newtons are right, or none
 # keys of what was found: its kind and form, and the lines that it is about, separated by spaces
 KIND, FORM, ROWS, COLS = "kind", "form", "rows", "cols"
 SIMULATED = "simulated"  # key of a value, true or false: the readings are of a simulated board

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 
 from ..middleware.config import circuit_of, declared, geometry_of
@@ -21,6 +23,7 @@ from ..msg import (
     image_array,
 )
 from ..parameters.nodes import GestureFeature as Parameters
+from ..physics.proof import UNPROVED
 from ..touch import features
 from ..touch.frames import Pose
 from ..touch.geometry import rotation_of
@@ -28,7 +31,22 @@ from ..touch.gestures import Gesture, Gestures
 from ..touch.tracking import RELEASED, STATES, Touch, Tracker, stroke
 from . import READING, frames, seconds
 
-CONTACT = ("x", "y", "z", "force", "area", "peak", "id", "vx", "vy", "vz", "state")
+CONTACT = (
+    "x",
+    "y",
+    "z",
+    "force",
+    "area",
+    "peak",
+    "id",
+    "vx",
+    "vy",
+    "vz",
+    "state",
+    "bound",
+    "peak_bound",
+)
+_PRESSURE, _BOUND = "skin/pressure", "skin/pressure_bound"
 _CODE = {state: float(code) for code, state in enumerate(STATES)}
 _GESTURE = ("x", "y", "z", "id", "state", *Gesture._fields)
 
@@ -65,12 +83,29 @@ class GestureFeature:
         self._stroke = node.create_publisher(Vector3Stamped, "skin/stroke", 10)
         self._stroke_confidence = node.create_publisher(Float32, "skin/stroke_confidence", 10)
         self._gestures = node.create_publisher(PointCloud2, "skin/gestures", 10)
-        node.create_subscription(Image, "skin/pressure", self.on_pressure, READING)
+        self._parts: dict[str, Image] = {}  # topic -> its last picture
+        self._touched = False  # in the last frame
+        self._stamp: object = None  # of the last reading that was taken
+        for topic in (_PRESSURE, _BOUND):
+            callback = functools.partial(self._take, topic)
+            node.create_subscription(Image, topic, callback, READING)
 
     def on_parameters(self, values: dict) -> None:
         self.cell_threshold = values["cell_threshold"]
 
-    def on_pressure(self, msg: Image) -> None:
+    def _take(self, topic: str, msg: Image) -> None:
+        """Take a picture; those of one reading have one stamp, and come in any order on ROS."""
+        self._parts[topic] = msg
+        pressure, bound = self._parts.get(_PRESSURE), self._parts.get(_BOUND)
+        if pressure is None or pressure.header.stamp == self._stamp:
+            return
+        # without any bound they are somebody else's pressures
+        if bound is None or pressure.header.stamp == bound.header.stamp:
+            self._stamp = pressure.header.stamp
+            self.on_pressure(pressure, bound)
+
+    def on_pressure(self, msg: Image, most: Image | None) -> None:
+        """Publish what a picture says; without the most that it may be it is not proved."""
         header = msg.header
         pressure = image_array(msg)
         shape = self.geometry.cell_area.shape
@@ -84,7 +119,12 @@ class GestureFeature:
                 f"must be 32FC1 {shape}, finite and 0 or more"
             )
         force = pressure * self.geometry.cell_area  # (rows, cols) [N], float64
-        frame = features.analyse_frame(force, self.geometry, self.cell_threshold)
+        bound = np.stack([force, UNPROVED * force], -1)
+        if most is not None and image_array(most).shape == bound.shape:
+            bound = image_array(most) * self.geometry.cell_area[..., None]
+        given = force, self.geometry, self.cell_threshold, bound
+        frame = features.analyse_frame(*given, held=self._touched)
+        self._touched = bool(frame.contacts)
         t = seconds(header)
         touches = self.tracker.update(t, frame)
         self._contacts.publish(contact_cloud(touches, header))  # first: the stop waits for it
@@ -117,12 +157,23 @@ def contact_cloud(touches: list[Touch], header: Header) -> PointCloud2:
     """Return a point per touch that is there.
 
     Its fields are x, y, z [m], force [N], area [m^2], peak [N on one cell], id, vx, vy, vz [m/s],
-    state (0 new, 1 held; 2 released, in skin/gestures).
+    state (0 new, 1 held; 2 released, in skin/gestures), bound [N], the most that its force may be,
+    peak_bound [N], the same of its peak if newtons are right.
 
     A released touch is no point: whoever takes points for obstacles would stop for it.
     """
     rows = [
-        (*c.position.tolist(), c.force, c.area, c.peak, number, *velocity.tolist(), _CODE[state])
+        (
+            *c.position.tolist(),
+            c.force,
+            c.area,
+            c.peak,
+            number,
+            *velocity.tolist(),
+            _CODE[state],
+            c.bound,
+            c.peak_bound,
+        )
         for number, state, c, velocity, _ in touches
         if state != RELEASED
     ]

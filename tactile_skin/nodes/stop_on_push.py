@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import math
 import threading
@@ -21,22 +20,19 @@ from ..behaviours.stop import (
 )
 from ..errors import concerning
 from ..middleware.bus import DurabilityPolicy, QoSProfile
-from ..middleware.config import circuit_of, curve_of, declared
+from ..middleware.config import declared
 from ..msg import (
     Bool,
     DiagnosticArray,
     DiagnosticStatus,
     Header,
-    Image,
     PointCloud2,
-    Time,
     Trigger,
     cloud_columns,
-    image_array,
 )
 from ..parameters.nodes import StopOnPush as Parameters
-from ..physics.curve import PressureCurve
-from . import QUEUE, READING, diagnostics, now, seconds
+from ..physics.proof import NOTHING
+from . import QUEUE, diagnostics, now, seconds
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 STATUS_TOPIC = "skin/stop_status"
@@ -47,6 +43,16 @@ PUSH = "push"  # key of a value: whether a push is on, whatever else stops the r
 CAUSES = "causes"  # key of a value: what stops the robot, separated by spaces
 HEARTBEAT = 0.02  # s, between decisions when no reading comes
 _END = 0.95  # of the curve's last force, which noise keeps a cell from reading quite
+_UNKNOWN = {  # what compensation does not know -> in words
+    diagnostics.SCALE: "newtons are not proved",
+    diagnostics.SERIES: "r_par is not known yet",
+    diagnostics.ENDS: "readings are at the end of the converter",
+}
+_NOT_PROVED = (
+    "not proved: nothing has shown that these newtons are right. A touch counts with the most that "
+    "it may be: threshold = %g N stops from a quarter of it on. Lay a known weight: "
+    "tactile-skin calibrate --gain 1.0"
+)
 
 
 def stop_message_of(msg: DiagnosticArray, t: float) -> StopMessage:
@@ -138,33 +144,23 @@ class StopOnPush:
     `interval`, usual between readings [s]).
 
     The sum of the contacts' forces decides, so that a squeeze from both sides, whose wrench is
-    zero, stops as well; a hard one counts with what it has if r_par is one standard deviation above
-    what compensation supposes. Where the cells of one line share r_par, skin/pressure says how many
-    do. The service `~/reset` frees a latched stop, and refuses while its cause lasts.
+    zero, stops as well. Each counts with the most that it may be, `bound` and `peak_bound` of
+    skin/contacts. The service `~/reset` frees a latched stop, and refuses while its cause lasts.
     """
 
     def __init__(self, node):
         self.node = node
         given = declared(node, Parameters)
         self.policy = StopPolicy(given)
-        self._circuit = circuit_of(given.circuit)
-        self._curve = curve_of(given.curve, self._circuit)
-        gain = self._curve.gain
-        # a contact names no cell: the one that hides most of what it feels
-        self._gain = 1.0 if gain is None else float(gain.min())
-        self._unknown: dict[str, float] = {}  # ohm that may lie in series besides, by who says so
-        self._largest = _END * self._curve.max_force
+        self._largest = _END * given.curve.force[-1] * min(given.curve.gain)
         with concerning("peak", "curve"):
             self._check(self.policy.config)
         self._decisions = Decisions(node)
         self._header = Header()
         self._force = self._most = 0.0
-        self._pressure: tuple[Time | None, np.ndarray] = None, np.zeros((1, 1))  # stamp, picture
         self._simulated = False  # the driver says that its board is
-        self._supposed = self._curve == PressureCurve()  # nobody was warned of it yet
+        self._proof = ""  # of the newtons, as compensation says it
         node.on_set_parameters(self.on_parameters)
-        if self._circuit.readout_class.loads_lower:  # else the number of cells says it
-            node.create_subscription(Image, "skin/pressure", self.on_pressure, READING)
         node.create_subscription(PointCloud2, "skin/contacts", self.on_contacts, QUEUE)
         node.create_subscription(DiagnosticArray, diagnostics.TOPIC, self.on_diagnostics, 50)
         node.create_service(Trigger, "~/reset", self.on_reset)
@@ -184,41 +180,20 @@ class StopOnPush:
         self._check(config)
         self.policy.configure(config)
 
-    def on_pressure(self, msg: Image) -> None:
-        self._pressure = msg.header.stamp, image_array(msg)
-
     def on_contacts(self, msg: PointCloud2) -> None:
-        columns = cloud_columns(msg, "force", "peak")
+        columns = cloud_columns(msg, "force", "peak", "bound", "peak_bound")
         force, peak = columns["force"], columns["peak"]
         self._header = msg.header  # not of one that cannot be read: "free" rests on its stamp
         self._force = _unless_negative(force, np.sum)
-        largest = _unless_negative(peak, np.max)
-        more = self._at_most(largest, self._force) if self._force > 0.0 else 1.0
-        self._most = more * self._force
+        self._most, largest = self._force, _unless_negative(peak, np.max)
+        if self._force >= 0.0 and largest >= 0.0:
+            highest = _unless_negative(columns.get("peak_bound", peak), np.max)
+            self._most, largest = most_of(columns), max(largest, highest)
         stamp = seconds(msg.header)
         self._watch_clock()  # with readings that come often the timer is never due
-        reading = self.policy.reading(now(self.node), self._most, more * largest, stamp)
-        self._publish(reading)
+        t, felt = now(self.node), max(self._force, 0.0)
+        self._publish(self.policy.reading(t, self._most, largest, stamp, felt))
         self._heartbeat.reset()
-
-    def _at_most(self, peak: float, force: float) -> float:
-        """Return how many times its force a touch may have with so much on its hardest cell [N].
-
-        A series resistance that is not known hides as much of the cells' own, times the cells that
-        share it; the hardest conducts most, and hides most. Without the picture of this reading all
-        of them may lie on one line.
-        """
-        curve, readout = self._curve, self._circuit.readout_class
-        unknown = max(self._unknown.values(), default=0.0)
-        if not 0.0 < peak < math.inf or not unknown:
-            return 1.0
-        stamp, pressure = self._pressure
-        seen = stamp == self._header.stamp and (hardest := pressure.max()) > 0.0
-        ohm = curve.resistance(pressure * (peak / hardest)) if seen else None
-        hidden = unknown * readout.sharing(self._circuit, max(force / peak, 1.0), ohm)
-        peak /= self._gain
-        behind = np.maximum(curve.resistance(peak) - hidden, curve.least_resistance)
-        return max(float(curve.force(behind)) / peak, 1.0)
 
     def on_diagnostics(self, msg: DiagnosticArray) -> None:
         """Take diagnostics: a stage that reports ERROR stops the robot; WARN and OK do not."""
@@ -229,29 +204,22 @@ class StopOnPush:
                 waiting = values.get(diagnostics.WAITING) == "true"
                 message = (status.message or "error") if bad else ""
                 self.policy.fault(status.name, message, waiting)
-                self._learn(status.name, values)
+                self._learn(values)
                 if simulated := values.get(diagnostics.SIMULATED):
                     self._simulated = simulated == "true"
-                    self._warn_of_curve(values.get("frames", "0") != "0")
         decision = self.policy.decide(now(self.node))
         if decision != self._decisions.last:  # a fault need not wait for the timer
             self._publish(decision)
 
-    def _warn_of_curve(self, read: bool) -> None:
-        if read and self._supposed and not self._simulated:
-            self._supposed = False
-            self.node.get_logger().warning(
-                "forces are those of the shipped curve, the paper's fabric: on another they may be "
-                "a third of the true ones, and threshold = %g N comes late or never. Run "
-                "tactile-skin calibrate before this skin stops a robot",
-                self.policy.config.threshold,
-            )
-
-    def _learn(self, source: str, values: dict[str, str]) -> None:
-        with contextlib.suppress(KeyError, ValueError, TypeError):  # of a stage that says nothing
-            ohm = float(values[diagnostics.UNKNOWN_SERIES])
-            if 0.0 <= ohm < math.inf:
-                self._unknown[source] = ohm
+    def _learn(self, values: dict[str, str]) -> None:
+        """Take what compensation says of the newtons."""
+        if (proof := values.get(diagnostics.PROOF)) is None:
+            return
+        unknown = values.get(diagnostics.UNKNOWN, "").split()
+        self.policy.unknown = "; ".join(_UNKNOWN[why] for why in unknown if why in _UNKNOWN)
+        if proof == NOTHING and self._proof != NOTHING:
+            self.node.get_logger().warning(_NOT_PROVED, self.policy.config.threshold)
+        self._proof = proof
 
     def on_reset(self, _, response):
         causes = self.policy.reset(now(self.node))
@@ -271,6 +239,7 @@ class StopOnPush:
         values = {
             "force": f"{self._force:.2f}",
             COUNTS_AS: f"{self._most:.2f}",
+            diagnostics.PROOF: self._proof,
             "threshold": f"{self.policy.config.threshold:g}",
             "peak": f"{self.policy.config.peak:g}",
             PUSH: str(self.policy.pushed).lower(),
@@ -284,6 +253,15 @@ class StopOnPush:
         """Publish a final stop: nothing monitors the skin from here on."""
         self.policy.fault(diagnostics.name_of(self.node), "the skin shuts down")
         self._publish(self.policy.decide(now(self.node)), final=True)
+
+
+def most_of(columns: dict[str, np.ndarray]) -> float:
+    """Return the most that the contacts of a skin/contacts may have together [N].
+
+    Without `bound`, of somebody who publishes forces of his own, that is what they have.
+    """
+    force = columns["force"]
+    return _unless_negative(np.maximum(columns.get("bound", force), force), np.sum)
 
 
 def _unless_negative(newtons: np.ndarray, together) -> float:

@@ -155,7 +155,6 @@ class Body(Framed, PushLimits):
 class StopOnPush(StopConfig):
     """What a push is, and when the robot is stopped for it."""
 
-    circuit: Circuit = group(Circuit)
     curve: Curve = group(Curve)
 
 

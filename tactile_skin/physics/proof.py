@@ -15,14 +15,14 @@ SIMULATED = "simulated"  # the board is simulated with the same curve
 PROOFS = NOTHING, WEIGHT, RESISTOR
 
 # The most that a force may be over what is felt while nothing proved it: the shipped curve on
-# another fabric (19 to 142 % of error over seven public data sets), r_ref or the supply off by 2.
+# another fabric (19 to 142 % of error over seven public data sets).
 UNPROVED = 2.5
 CONFIDENCE = 1.64  # standard deviations: one force in twenty is above its bound
 # Relative standard deviation that days add to a proof, and days after which it is there to 63 %:
 # force-sensing resistors and Velostat gain or lose 15 to 30 % in three days.
 _OF_DAYS = 0.15
 _DAYS = 3.0
-_MOST = 1.5  # times what is felt that a proved force counts at most
+_MOST = 1.4  # times what is felt that a proved force counts at most
 
 
 @dataclass(frozen=True)
@@ -38,6 +38,11 @@ class Proof:
     by: str = NOTHING
     error: float = 0.1
     date: datetime.date | None = None
+
+    @property
+    def proved(self) -> bool:
+        """Whether anything absolute was seen."""
+        return self.by != NOTHING
 
     def factor(self, today: datetime.date) -> float:
         """Return times what is felt that a force is at most, at `CONFIDENCE`."""

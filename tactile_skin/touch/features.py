@@ -20,6 +20,7 @@ _RIM = 0.1  # of the threshold: what lies around a touched cell belongs to its c
 # Times the threshold: force of a touch that is soft all over, 40 N at 20 g. Less would make a touch
 # of the 35 N that the naive method sees on an idle skin.
 _SOFT = 200.0
+_LEFT = 1.0  # N, of a touch that was felt: what a fabric keeps after 45 N is less
 _MOST_SOFT = 40.0  # N, of it at most: the stop must see a body whatever the threshold
 # Of the lower of two peaks, which are two touches if the force between them falls below it. Chosen
 # on pairs of pads, scored in docs/touch.md.
@@ -33,6 +34,8 @@ class Contact(NamedTuple):
     force: float  # [N], sum of the cells' normal forces
     area: float  # [m^2], of the touched cells
     peak: float  # [N], largest force on one cell
+    bound: float  # [N], the most that its force may be
+    peak_bound: float  # [N], the most that its peak may be, if newtons are right
 
 
 class Push(NamedTuple):
@@ -59,7 +62,14 @@ class Frame(NamedTuple):
 _NOTHING = Push(np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), 0.0)
 
 
-def analyse_frame(force: np.ndarray, geometry: Geometry, cell_threshold: float) -> Frame:
+def analyse_frame(
+    force: np.ndarray,
+    geometry: Geometry,
+    cell_threshold: float,
+    bound: np.ndarray | None = None,
+    *,
+    held: bool = False,
+) -> Frame:
     """Find the contacts of a frame and the push that they make together.
 
     The direction's confidence is |sum f n| / sum f, 1 where all touched cells face one way, 0 for
@@ -68,8 +78,13 @@ def analyse_frame(force: np.ndarray, geometry: Geometry, cell_threshold: float) 
     Args:
         force: (rows, cols) on each cell [N], 0 or more.
         cell_threshold: a contact has a cell with more [N].
+        bound: (rows, cols, 2) the most that each cell may feel, by the circuit and in all [N];
+            None: what is felt.
+        held: whether something touched in the frame before: what is left of it, on many cells, is
+            still a contact, so that a touch that fades is not lost at the threshold.
     """
-    cells, owner, n = segment(force, cell_threshold)
+    most = force if bound is None else np.maximum(bound[..., 1], force)
+    cells, owner, n = segment(force, cell_threshold, most, held=held)
     labels = np.zeros(force.shape, int)
     if n == 0:
         return Frame(force, labels, [], _NOTHING, cells, np.zeros((0, 0)))
@@ -80,7 +95,12 @@ def analyse_frame(force: np.ndarray, geometry: Geometry, cell_threshold: float) 
     forces = moments[:, 9].tolist()
     centres = moments[:, 6:9] / moments[:, 9:]
     areas = np.bincount(owner, geometry.cell_area.ravel()[cells]).tolist()
-    found = [*map(Contact, centres, forces, areas, own.max(1).tolist())]
+    peaks, bounds = own.max(1), np.bincount(owner, most.ravel()[cells])
+    highest = peaks if bound is None else np.zeros(n)
+    if bound is not None:
+        np.maximum.at(highest, owner, np.maximum(bound[..., 0], force).ravel()[cells])
+    parts = centres, forces, areas, peaks.tolist(), bounds.tolist(), highest.tolist()
+    found = [*map(Contact, *parts)]
     if n == 1:
         total, centre = moments[0], centres[0]
     else:
@@ -93,7 +113,13 @@ def analyse_frame(force: np.ndarray, geometry: Geometry, cell_threshold: float) 
     return Frame(force, labels, found, push, cells, own)
 
 
-def segment(force: np.ndarray, cell_threshold: float) -> tuple[np.ndarray, np.ndarray, int]:
+def segment(
+    force: np.ndarray,
+    cell_threshold: float,
+    most: np.ndarray | None = None,
+    *,
+    held: bool = False,
+) -> tuple[np.ndarray, np.ndarray, int]:
     """Which cells are touched, and which contact each belongs to, strongest contact first.
 
     A contact is a hill of cells that touch (8 neighbours), each above a tenth of the threshold: a
@@ -107,20 +133,25 @@ def segment(force: np.ndarray, cell_threshold: float) -> tuple[np.ndarray, np.nd
         cell_threshold: a hill whose strongest cell has no more [N] is no contact, unless all its
             cells have 200 times as much, or 40 N, together: a body that leans on many cells is soft
             on each. Of more than 40 N all such hills are one contact: it leans on several places.
+        most: (rows, cols) what each cell may feel at most, which is soft all over then [N]; None:
+            what it feels.
+        held: whether something touched in the frame before: 1 N on all cells is then a contact.
 
     Returns:
         (m,) places of the touched cells in the flattened picture; (m,) each one's contact, from 0;
         number of contacts.
     """
     flat, nothing = force.ravel(), np.zeros(0, int)
+    upper = flat if most is None else most.ravel()
     soft = min(_SOFT * cell_threshold, _MOST_SOFT)
+    least = _LEFT if held else soft  # of a frame
     rim = _RIM * cell_threshold
     highest = flat.max()
-    if highest <= rim:
+    cells = ((flat if highest > cell_threshold else upper) > rim).nonzero()[0]
+    if not cells.size:
         return nothing, nothing, 0
-    cells = (flat > rim).nonzero()[0]
     f = flat[cells]
-    if not (highest > cell_threshold or f.sum() > soft):
+    if not (highest > cell_threshold or upper[cells].sum() > least):
         return nothing, nothing, 0
     weakest_first = f.argsort(kind="stable")
     cells, f = cells[weakest_first], f[weakest_first]  # (m,)
@@ -137,13 +168,14 @@ def segment(force: np.ndarray, cell_threshold: float) -> tuple[np.ndarray, np.nd
     top_of = np.arange(m)
     top_of[tops] = _join(tops, hill, around, f, cell_threshold)
     owner = top_of[hill]
-    sums = np.bincount(owner, f).tolist()
+    sums = np.bincount(owner, upper[cells]).tolist()
     felt = [k for k in sorted(set(owner.tolist())) if f[k] > cell_threshold or sums[k] > soft]
-    if f.sum() - sum(sums[k] for k in felt) > _MOST_SOFT:
+    left_over = upper[cells].sum() - sum(sums[k] for k in felt)
+    if left_over > _MOST_SOFT or not felt:
         left = ~np.isin(owner, felt)
         felt.append(owner[left].max())
         owner[left] = felt[-1]
-        sums = np.bincount(owner, f).tolist()
+    sums = np.bincount(owner, f).tolist()
     number = np.full(m, -1)
     number[sorted(felt, key=lambda k: -sums[k])] = range(len(felt))
     contact = number[owner]

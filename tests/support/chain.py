@@ -15,6 +15,11 @@ from tactile_skin.replay.replay import Driven
 
 _NO_PORT = "loop://"  # the driver's reader is never started: bytes come by `feed`
 _NEEDS_CIRCUIT = ("serial_driver", "compensation", "gesture_feature")
+PROVED = {  # what is known of a skin unless a test gives other parameters: all
+    "curve.proof": "weight",
+    "curve.proof_error": 0.0,
+    "curve.proof_date": "9999-12-31",  # no day makes it older
+}
 _EPOCH = 10**12  # ns that the clock shows at t = 0: a stamp of 0 often means "none"
 _PATIENT = 10.0  # s for a frame: a busy machine is not what is measured
 
@@ -40,6 +45,8 @@ class Chain:
         given = {name: dict(values) for name, values in (parameters or {}).items()}
         for name in _NEEDS_CIRCUIT:
             given.setdefault(name, {}).update(_described(circuit))
+        for proof, value in PROVED.items():
+            given["compensation"].setdefault(proof, value)
         given["serial_driver"]["protocol"] = protocol
         given["compensation"].setdefault("time_limit", _PATIENT)
         given["gesture_feature"].setdefault("geometry.shape", "plane")

@@ -26,6 +26,7 @@ from ...msg import (
     cloud_columns,
 )
 from ...parameters.nodes import Monitor as Parameters
+from ...physics.proof import NOTHING
 from .. import READING, diagnostics
 from ..cmd_vel import kind_of, twist_of
 from ..stop_on_push import STATUS_TOPIC
@@ -34,6 +35,7 @@ from ..touch import xyz
 _FIRST_FRAME_WITHIN = 20.0  # s, before a run of limited duration gives up
 _KEPT = 200_000  # latencies
 _GESTURE_SHOWN = 2.0  # s
+_NOT_PROVED = "  not proved: stops early, lay a known weight"
 _CLEAR = "\r\x1b[2K"  # to the line's begin, and erase it (ECMA-48)
 _EVERY_DECISION = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -94,6 +96,7 @@ class Monitor:
         self.largest_force = 0.0
         self._first: int | None = None
         self._simulated = False
+        self._proof = ""  # of the newtons, as the stop says it
         self._warnings: dict[str, str] = {}  # node -> its message
         self._kinds: dict[str, tuple] = {}  # node -> kind of that and its lines; or its words
         self._warned: dict[str, tuple] = {}  # the same of those that were printed
@@ -160,6 +163,8 @@ class Monitor:
         if not self.node.context.ok():  # the stop of a shutdown does not count
             return
         status = msg.status[0]
+        said = {pair.key: pair.value for pair in status.values}
+        self._proof = said.get(diagnostics.PROOF, self._proof)
         reason = status.message if status.level != DiagnosticStatus.OK else ""
         if self._first is None or stamp < self._first:  # stopped, as it must be, before a reading
             self._waiting = reason
@@ -218,6 +223,7 @@ class Monitor:
         line = (
             f"{rate}  drops {self.drops}  contacts {self._contacts} {self._force:6.1f} N  "
             f"{push:<26} {'STOP ' + reason if reason else 'free'}"
+            f"{_NOT_PROVED * (self._proof == NOTHING)}"
             f"{self._gesture_motion_and_warnings(now)}"
         )
         clear = _CLEAR if self.out.isatty() else ""
