@@ -80,7 +80,7 @@ class Compensation:
     circuit: Circuit = group(Circuit)
     curve: Curve = group(Curve)
     geometry: Geometry = group(Geometry)
-    method: str = parameter("auto", "", "README.md compares them", choices=METHODS, live=True)
+    method: str = parameter("auto", "", "docs/how.md compares them", choices=METHODS, live=True)
     weights: str = parameter(
         "", "", "file written by `tactile-skin train`; empty: the shipped weights"
     )
