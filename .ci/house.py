@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Print how large the house is, and fail where it outgrows what was decided: python .ci/house.py"""
+"""Print how large the house is, and fail where it outgrows what was decided."""
 
 import ast
 import subprocess
@@ -77,4 +77,4 @@ for what, size in SIZES.items():
     print(f"{what}: {size}, at most {most}")
     grown += [what] if size > most else []
 if grown:
-    sys.exit(f"larger than decided: {'; '.join(grown)}: let something go, or decide it in {__file__}")
+    sys.exit(f"larger than decided: {'; '.join(grown)}: let something go, or decide it here")
