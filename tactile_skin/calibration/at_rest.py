@@ -21,7 +21,7 @@ _CHANNELS = 0.2
 _CHANCE = 1e-4
 _LOW_PASS = 1.3
 _LEAST_STEPS = 3.0  # ADC steps below which the board may take something off
-# Share of what cells of such a fabric differ by, below which each reads what its own zero is put to.
+# Share of what cells of such a fabric differ by, below which each reads as its zero is set.
 _EVEN = 0.25
 _LEAST_SCATTER = 0.03  # RMS of log resistance of a good fabric's cells at rest, chosen
 # Changes of log conductance that are no fabric's, chosen on simulated boards (tests/calibration;
