@@ -29,8 +29,8 @@ _USUAL = 0.7
 # Times what is felt that a force counts at most as long as the skin rests as the curve says: then
 # touches of less than a quarter of the limit never stop a robot.
 _MOST = 3.5
-# The same of one cell, by the circuit alone: a fingertip of 4 N on a board without multiplexers must
-# not stop it before touches have shown that there is nothing in series.
+# The same of one cell, by the circuit alone: a fingertip of 4 N on a board without
+# multiplexers does not stop it before touches have shown that nothing is in series.
 _MOST_PEAK = 2.0
 
 
