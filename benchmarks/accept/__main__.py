@@ -15,10 +15,7 @@ To measure another commit: copy this folder into a worktree of it, and run it th
 
 from __future__ import annotations
 
-import contextlib
-import io
 import json
-import logging
 import resource
 import time
 from pathlib import Path
@@ -26,23 +23,14 @@ from pathlib import Path
 import numpy as np
 
 from tactile_skin import extras
-from tactile_skin.middleware.threads import one_thread
 
 from .. import harness
-from .lines import LINES, QUICK, Figure, Line
+from .lines import LINES, Figure, Line, play
 
 BEFORE = "e6d30719"
+QUICK = 0.1  # share of the streams
 _TIMES = 0.15  # by which a number that is no share differs from run to run
 _SIGMA = 2.0  # standard errors by which a share differs between seeds
-
-
-def play(task) -> dict:
-    """Return what a task comes to; nothing that it prints or logs is shown."""
-    function, arguments = task
-    logging.disable(logging.WARNING)
-    quiet = io.StringIO()
-    with one_thread(), contextlib.redirect_stdout(quiet), contextlib.redirect_stderr(quiet):
-        return function(*arguments)
 
 
 def measure(line: Line, seed: int, share: float, data: Path, jobs: int | None, track) -> list:
@@ -111,7 +99,7 @@ def main(arguments=None) -> dict:
             was, change = beside(figure, before.get(line.name, {}).get(figure.name))
             met = {None: "", True: "MET", False: "NOT MET"}[figure.met]
             cells = line.name, figure.name, text(figure), was, change, bound(figure), met
-            print("|", " | ".join(cells), "|", flush=True)
+            print(f"| {' | '.join(cells)} |", flush=True)
         if not figures:
             print(f"| {line.name} | left out: no recordings in {args.data} | | | | | |")
         took = time.monotonic() - begun

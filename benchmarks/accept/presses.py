@@ -103,10 +103,17 @@ def palms(name: str, wired: str, k: int, seed) -> dict:
     if rng.integers(2):
         scene.touched()
     for _ in range(PALMS):
-        picture = PALM * pressed("palm", scene.shape, rng)
-        scene.add(picture, _course(rng.uniform(0.1, 0.5), rng.uniform(1.0, 2.5), rng))
-        scene.wait(rng.uniform(1.0, 2.0))
-    return {"wrong": name} | held(scene.play()[0], scene)
+        palm(scene)
+    found = held(scene.play()[0], scene)
+    return found | {f"{key}, {name}": found[key] for key in ("palms", "free")}
+
+
+def palm(scene: Scene) -> None:
+    """Append a palm of 45 N that stands for 1 to 2.5 s, and a pause."""
+    rng = scene.case.rng
+    picture = PALM * pressed("palm", scene.shape, rng)
+    scene.add(picture, _course(rng.uniform(0.1, 0.5), rng.uniform(1.0, 2.5), rng))
+    scene.wait(rng.uniform(1.0, 2.0))
 
 
 def moving(wired: str, k: int, seed) -> dict:
@@ -142,7 +149,7 @@ def pushes(proof: str, wired: str, k: int, seed) -> dict:
         scene.wait(2.5)
     record, _ = scene.play()
     true, felt = (_as_pushes(f) for f in (record.truth, record.found))
-    found: dict = {"proof": proof, "pushes": 0, "within": 0, "true": [], "felt": [], "faults": 0}
+    found: dict = {"pushes": 0, "within": 0, "true": [], "felt": [], "faults": 0}
     for begin, end in scene.spans:
         stops = np.flatnonzero(record.stopped[begin:end])
         found["pushes"] += 1
