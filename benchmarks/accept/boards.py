@@ -32,7 +32,7 @@ BEGINS = 0.03  # s after which it does, by the same
 SETTLED = 1.0  # s of a load to which the true curve belongs
 FABRIC = 0.5, 2.0  # times which another fabric conducts
 WAVE = 0.3  # of its curve's shape, as in calibration.curve_fit
-CELLS = 8, 8, 8, 16  # along each side
+CELLS = 8, 16, 8  # along each side, of four boards each
 _OHM = {  # r_ref, r_par of a board whose palms are within its range [ohm]
     "floating": (1780.0, 326.0),
     "loaded": (1000.0, 25.0),

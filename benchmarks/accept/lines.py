@@ -25,7 +25,7 @@ SHAPES = "8x8", "16x16", "8x8-loaded-rows", "8x8-grounded-columns", "8x8-loaded-
 STREAM = 8.0  # s of one with a fault
 SOUND = 30.0  # s of a sound one
 # streams or boards of a line, chosen so that all lines take 15 minutes of two cores
-SOUNDS = 20
+SOUNDS = 15
 PLANTED = 24
 IN_USE = 18
 IDENTIFIED = 9

@@ -146,7 +146,7 @@ def pushes(proof: str, wired: str, k: int, seed) -> dict:
     for n in range(PUSHES):
         picture = RAMP * pressed(KINDS[n % len(KINDS)], scene.shape, rng)
         scene.add(picture, _course(rng.uniform(0.8, 2.5), 0.3, rng))
-        scene.wait(2.5)
+        scene.wait(1.5)
     record, _ = scene.play()
     true, felt = (_as_pushes(f) for f in (record.truth, record.found))
     found: dict = {"pushes": 0, "within": 0, "true": [], "felt": [], "faults": 0}

@@ -40,10 +40,10 @@ NODES = "serial_driver", "compensation", "gesture_feature", "stop_on_push"
 
 def run(wired: str, k: int, seed) -> dict:
     """Calibrate with weights, launch with the file that is written, and let palms press."""
-    name = KINDS[k // 4 % len(KINDS)] if k % 4 else KINDS[k // 4 % 2]
-    case = draw(wired, k % 4, seed, creep=False)
-    if wired in WRONG[name][1]:
-        WRONG[name][0](case)
+    wrong_entry, on = WRONG[KINDS[k % len(KINDS)]]
+    case = draw(wired, 0, seed, creep=False)
+    if wired in on:  # else a right one
+        wrong_entry(case)
     with tempfile.TemporaryDirectory() as folder:
         written = _calibrated(case, Path(folder))
     proof = written.get("curve.proof", "none")
