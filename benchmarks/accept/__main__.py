@@ -33,12 +33,16 @@ _TIMES = 0.15  # by which a number that is no share differs from run to run
 _SIGMA = 2.0  # standard errors by which a share differs between seeds
 
 
-def measure(line: Line, seed: int, share: float, data: Path, jobs: int | None, track) -> list:
-    """Return a line's figures."""
-    tasks = line.tasks(seed, share, data)
+def measure(line: Line, args, share: float, track=lambda tasks: tasks) -> list[Figure]:
+    """Return a line's figures; of `args`: seed, data, jobs and verbose."""
+    tasks = line.tasks(args.seed, share, args.data)
     if not tasks:
         return []
-    return line.figures(list(harness.spread(play, tasks, 1 if line.alone else jobs, track)))
+    results = list(harness.spread(play, tasks, 1 if line.alone else args.jobs, track))
+    for (function, arguments), result in zip(tasks, results, strict=True):
+        if args.verbose:
+            print(f"    {function.__name__}{tuple(arguments)}: {result}")
+    return line.figures(results)
 
 
 def beside(figure: Figure, before: dict | None) -> tuple[str, str]:
@@ -82,6 +86,7 @@ def main(arguments=None) -> dict:
     parser.add_argument("--share", type=float, default=1.0, help="of the streams")
     parser.add_argument("--data", type=Path, default=Path("../shared/data"), help="recordings")
     parser.add_argument("--jobs", type=int, help="processes (default: one a core)")
+    parser.add_argument("--verbose", action="store_true", help="what each stream came to")
     args = parser.parse_args(arguments)
     if args.list:
         print("\n".join(f"{line.name:12} {line.about}" for line in LINES))
@@ -94,7 +99,7 @@ def main(arguments=None) -> dict:
     found: dict = {}
     for line in (line for line in LINES if line.name in args.only):
         begun, spent = time.monotonic(), _processor()
-        figures = measure(line, args.seed, share, args.data, args.jobs, extras.tqdm())
+        figures = measure(line, args, share, extras.tqdm())
         for figure in figures:
             was, change = beside(figure, before.get(line.name, {}).get(figure.name))
             met = {None: "", True: "MET", False: "NOT MET"}[figure.met]

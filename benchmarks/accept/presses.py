@@ -18,7 +18,7 @@ RAMP = 60.0  # N at the end of a push
 PALMS = 6  # on a board
 PUSHES = 8
 REST = 3.0  # s untouched at the start
-AHEAD = 8.0  # s of touches of a day that come first, on every other board
+AHEAD = 5.0  # s of touches of a day that come first, on every other board
 KINDS = "palm", "finger", "edge"
 ALLOWED = 20.0, 45.0  # N true, within which a limit of 30 N stops
 LEAST = 8.0  # N felt, below which nothing stops
@@ -109,11 +109,11 @@ def palms(name: str, wired: str, k: int, seed) -> dict:
 
 
 def palm(scene: Scene) -> None:
-    """Append a palm of 45 N that stands for 1 to 2.5 s, and a pause."""
+    """Append a palm of 45 N that stands for 0.8 to 2 s, and a pause."""
     rng = scene.case.rng
     picture = PALM * pressed("palm", scene.shape, rng)
-    scene.add(picture, _course(rng.uniform(0.1, 0.5), rng.uniform(1.0, 2.5), rng))
-    scene.wait(rng.uniform(1.0, 2.0))
+    scene.add(picture, _course(rng.uniform(0.1, 0.5), rng.uniform(0.8, 2.0), rng))
+    scene.wait(rng.uniform(0.8, 1.5))
 
 
 def moving(wired: str, k: int, seed) -> dict:
@@ -130,7 +130,7 @@ def moving(wired: str, k: int, seed) -> dict:
     if rng.integers(2):
         scene.touched()
     for _ in range(2):
-        hold = float(np.clip(rng.uniform(0.8, 2.0) * seconds, 4.0, 25.0))
+        hold = float(np.clip(rng.uniform(0.8, 2.0) * seconds, 4.0, 20.0))
         scene.add(PALM * pressed("palm", scene.shape, rng), _course(0.2, hold, rng))
         scene.wait(3.0)
     found = held(scene.play()[0], scene)
