@@ -57,8 +57,8 @@ def beside(figure: Figure, before: dict | None) -> tuple[str, str]:
         n = max(1.0, min(figure.of, old.of or 1.0))
         usual = np.clip(0.5 * (figure.measured + old.measured), 1.0 / n, 1.0)
         spread = _SIGMA * (2.0 * usual / n) ** 0.5
-    word = "" if not abs(gained) > spread else "better" if (gained > 0) == figure.least else "worse"
-    return text(old), word
+    alike = not abs(gained) > spread or (figure.of is None and figure.met and old.met)
+    return text(old), "" if alike else "better" if (gained > 0) == figure.least else "worse"
 
 
 def text(figure: Figure) -> str:
@@ -93,7 +93,7 @@ def main(arguments=None) -> dict:
         return {}
     share = QUICK if args.quick else args.share
     stored = Path(__file__).with_name(f"{BEFORE}{'-quick' * args.quick}.json")
-    known = stored.exists() and share in (QUICK, 1.0) and args.seed == 1
+    known = stored.exists() and (args.quick or share == 1.0) and args.seed == 1
     before = json.loads(stored.read_text())["figures"] if known else {}
     print(f"| line | figure | today | {BEFORE} | | bound | |\n|---|---|---:|---:|---|---|---|")
     found: dict = {}

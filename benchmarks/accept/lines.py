@@ -244,7 +244,7 @@ LINES = (
         (
             Asked("insole: s in fault", "insole fault", "insole s", 0.02),
             Asked("cushion: s in fault", "cushion fault", "cushion s", 0.02),
-            Asked("cushion: recordings believed", "cushions ok", "cushions"),
+            Asked("cushion: recordings believed", "cushions ok", "cushions", least=True),
             Asked("as floating: the same", "cushions as floating", "cushions", 4 / 42),
             Asked("as floating: the doctor names it", "readout named", "readouts", 1.0, True),
             Asked("insole: false findings of the doctor", "false findings", None, 0.0),
@@ -256,7 +256,7 @@ LINES = (
         "one or two faults that the doctor is to name",
         _script(others.planted, PLANTED, 5000),
         (
-            Asked("faults named", "named", "planted"),
+            Asked("faults named", "named", "planted", least=True),
             Asked("boards with a finding too many", "false", "boards"),
         ),
     ),
@@ -301,7 +301,7 @@ LINES = (
         _boards(weighed.run, WEIGHED),
         (
             Asked("proved with a wrong scale", "wrongly proved", "boards", 0.0),
-            Asked("proved", "proved", "boards"),
+            Asked("proved", "proved", "boards", least=True),
             Asked("wrong scale", "wrong", "boards"),
             *_PALMS,
         ),
@@ -328,7 +328,7 @@ LINES = (
         "not proved",
         "the same pushes, nothing proved the newtons",
         _boards(presses.pushes, PUSHED, "none"),
-        (Asked("stopped within 20 to 45 N true", "within", "pushes"), *_PUSHES),
+        (Asked("stopped within 20 to 45 N true", "within", "pushes", least=True), *_PUSHES),
     ),
     Line(
         "bits",
@@ -336,7 +336,7 @@ LINES = (
         _boards(presses.bits, STUCK),
         (
             Asked("named or harmless", "good", "streams", 1.0, True),
-            Asked("named", "named", "streams"),
+            Asked("named", "named", "streams", least=True),
             *_PALMS,
         ),
     ),
