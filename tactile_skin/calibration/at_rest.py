@@ -21,6 +21,8 @@ _CHANNELS = 0.2
 _CHANCE = 1e-4
 _LOW_PASS = 1.3
 _LEAST_STEPS = 3.0  # ADC steps below which the board may take something off
+# Share of what cells of such a fabric differ by, below which each reads as its zero is set.
+_EVEN = 0.25
 _LEAST_SCATTER = 0.03  # RMS of log resistance of a good fabric's cells at rest, chosen
 # Changes of log conductance that are no fabric's, chosen on simulated boards (tests/calibration;
 # benchmarks.faults): of a line beside the others; of a line since the start.
@@ -116,12 +118,18 @@ def one_voltage(mean: np.ndarray, frames: int, noise: float, circuit: Circuit) -
     half = 0.5 * (n - 1)
     by_chance = _LOW_PASS * (gammainccinv(half, _CHANCE) / half) ** 0.5
     at_most = max(_CHANNELS, by_chance * noise / frames**0.5)
-    if mean[cells].std() * circuit.full_scale > at_most:
-        return None
+    spread = float(mean[cells].std()) * circuit.full_scale
+    expected = _fabric_spread(mean, circuit)
     numbers = {"steps": float(mean[cells].mean()) * circuit.full_scale}
+    if spread > at_most:
+        even = min(_EVEN, (gammaincinv(half, _CHANCE) / half) ** 0.5)
+        if not spread < even * expected < np.inf:
+            return None
+        numbers |= {"spread": spread, "expected": expected}
+        return Finding(Kind.NO_SIGNAL, "even", severity=Severity.FAULT, numbers=numbers)
     if numbers["steps"] < _LEAST_STEPS:  # whatever presses there would look like all that there is
         return Finding(Kind.NO_SIGNAL, "offset", severity=Severity.FAULT, numbers=numbers)
-    severity = Severity.FAULT if _fabric_spread(mean, circuit) > _CHANNELS else Severity.WARN
+    severity = Severity.FAULT if expected > _CHANNELS else Severity.WARN
     return Finding(Kind.NO_SIGNAL, severity=severity, numbers=numbers)
 
 

@@ -29,6 +29,9 @@ _USUAL = 0.7
 # Times what is felt that a force counts at most as long as the skin rests as the curve says: then
 # touches of less than a quarter of the limit never stop a robot.
 _MOST = 3.5
+# The same of one cell, by the circuit alone: a fingertip of 4 N on a board without
+# multiplexers does not stop it before touches have shown that nothing is in series.
+_MOST_PEAK = 2.0
 
 
 class Unknown(NamedTuple):
@@ -92,10 +95,12 @@ def upper_bound(
         least = curve.least_resistance
         by_circuit = np.maximum(curve.force(np.maximum(s * ohm - hidden, least)), force)
         by_circuit = np.where(force > 0.0, by_circuit, 0.0)
+    not_read = force
     if std is not None:
-        most = np.where(force > AT_REST, force + CONFIDENCE * std, force)
-        by_circuit = np.maximum(by_circuit, most)
+        not_read = np.where(force > AT_REST, force + CONFIDENCE * std, force)
+        by_circuit = np.maximum(by_circuit, not_read)
     in_all = unknown.factor * by_circuit
     if not unknown.proved and s == 1.0:
-        in_all = np.minimum(in_all, np.maximum(_MOST * force, by_circuit if std is not None else 0))
+        in_all = np.maximum(np.minimum(in_all, _MOST * force), not_read)
+        by_circuit = np.maximum(np.minimum(by_circuit, _MOST_PEAK * force), not_read)
     return np.stack([by_circuit, in_all], -1)

@@ -13,6 +13,7 @@ WEIGHT = "weight"  # a known weight or force on the skin, by calibrate
 RESISTOR = "resistor"  # a known resistor in place of a cell, and the fabric's own data sheet
 SIMULATED = "simulated"  # the board is simulated with the same curve
 PROOFS = NOTHING, WEIGHT, RESISTOR
+NOT_PROVED = "not proved: stops early, lay a known weight"  # what is said of such a skin
 
 # The most that a force may be over what is felt while nothing proved it: the shipped curve on
 # another fabric (19 to 142 % of error over seven public data sets).

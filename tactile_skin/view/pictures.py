@@ -13,8 +13,10 @@ from typing import TypeVar
 import numpy as np
 
 from ..middleware.config import SkinConfig
+from ..msg import DiagnosticStatus
 from ..physics.circuit import Circuit, forward
 from ..physics.curve import PressureCurve
+from ..physics.proof import NOT_PROVED, NOTHING
 from ..solvers import METHODS, Estimate, compensate
 from ..touch import features
 from .snapshot import Snapshot, lines_of, number
@@ -230,7 +232,8 @@ class Pictures:
                 (name, status.level, status.message)
                 for name, status in sorted(snapshot.nodes.items(), key=lambda n: -n[1].level)
                 if status.level
-            ],
+            ]
+            + [("newtons", DiagnosticStatus.WARN, NOT_PROVED)] * (values.get("proof") == NOTHING),
             "findings": findings(snapshot),
         }
 

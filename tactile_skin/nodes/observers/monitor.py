@@ -26,7 +26,7 @@ from ...msg import (
     cloud_columns,
 )
 from ...parameters.nodes import Monitor as Parameters
-from ...physics.proof import NOTHING
+from ...physics.proof import NOT_PROVED, NOTHING
 from .. import READING, diagnostics
 from ..cmd_vel import kind_of, twist_of
 from ..stop_on_push import STATUS_TOPIC
@@ -35,7 +35,6 @@ from ..touch import xyz
 _FIRST_FRAME_WITHIN = 20.0  # s, before a run of limited duration gives up
 _KEPT = 200_000  # latencies
 _GESTURE_SHOWN = 2.0  # s
-_NOT_PROVED = "  not proved: stops early, lay a known weight"
 _CLEAR = "\r\x1b[2K"  # to the line's begin, and erase it (ECMA-48)
 _EVERY_DECISION = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -223,7 +222,7 @@ class Monitor:
         line = (
             f"{rate}  drops {self.drops}  contacts {self._contacts} {self._force:6.1f} N  "
             f"{push:<26} {'STOP ' + reason if reason else 'free'}"
-            f"{_NOT_PROVED * (self._proof == NOTHING)}"
+            f"{f'  {NOT_PROVED}' * (self._proof == NOTHING)}"
             f"{self._gesture_motion_and_warnings(now)}"
         )
         clear = _CLEAR if self.out.isatty() else ""
