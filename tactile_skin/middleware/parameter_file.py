@@ -94,7 +94,10 @@ class ParameterFile:
             raise FileError(f"{path}: {what}: must map node names to ros__parameters")
         self.sections: list[Section] = []
         skins = data.pop(SKINS, {})
-        self.nodes = [self._own_node(node) for node in data.pop(OWN_NODES, None) or ()]
+        listed = data.pop(OWN_NODES, [])
+        if not isinstance(listed, list):
+            raise FileError(f"{path}: {OWN_NODES} = {shorten(listed)}: must be a list of maps")
+        self.nodes = [self._own_node(node) for node in listed]
         for name, section in data.items():
             self._read(name, section)
         if not isinstance(skins, dict):

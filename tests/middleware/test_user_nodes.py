@@ -106,6 +106,12 @@ def test_a_list_of_nodes_that_is_none_is_refused(write, wrong):
         started(write(**wrong))
 
 
+def test_nodes_that_are_no_list_are_refused(tmp_path):
+    (tmp_path / "mine.yaml").write_text("nodes: 5\n")
+    with pytest.raises(FileError, match="nodes = 5: must be a list of maps"):
+        started(tmp_path / "mine.yaml")
+
+
 def test_an_unknown_parameter_of_it_is_refused(write):
     with pytest.raises(LaunchError, match=r"parameter 'unlit' is unknown; there are: lit"):
         started(write(**{"class": "skin_lamps.Lamp", "parameters": {"unlit": False}})).build()
