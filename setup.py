@@ -111,14 +111,12 @@ setup(
         "record": ["mcap>=1.6", "rosbags>=0.10", "joblib>=1.3"],
         "gestures": ["scikit-learn>=1.3"],  # to train, not to name
         "view": ["websockets>=14.0"],
-        "foxglove": ["foxglove-sdk>=0.14", "rosbags>=0.10", "mcap>=1.6"],
         "charts": ["matplotlib>=3.8"],
         "docs": ["mkdocs>=1.6,<2", "mkdocs-material>=9.5"],
         "completion": ["argcomplete>=3.0"],  # of the command, in a shell
         "test": [
             "argcomplete>=3.0",
             "distributed>=2024.1; python_version >= '3.11'",  # a cluster of this computer
-            "foxglove-sdk>=0.14",
             "hypothesis>=6.100",
             "joblib>=1.3",
             "mcap>=1.6",

@@ -13,6 +13,7 @@ from tactile_skin import launch, msg
 from tactile_skin.cli import COMMANDS, make_parser
 from tactile_skin.findings.finding import WORDS
 from tactile_skin.middleware.bus import Context, DurabilityPolicy, Node, Parameter
+from tactile_skin.middleware.package import node_class
 from tactile_skin.ros import PARTS
 
 DOCS = Path(__file__).parent
@@ -137,7 +138,7 @@ def qos() -> str:
     found: dict[str, tuple[set[str], set[str]]] = {}
     for kind in SHOWN:
         node = Node(kind, context=Context(), parameter_overrides=[Parameter("port", "loop://")])
-        made = launch.node_class(kind)(node)
+        made = node_class(kind)(node)
         for at, ends in enumerate((node._publishers, node._subscriptions)):
             for end in ends:
                 found.setdefault(end.topic_name, (set(), set()))[at].add(_profile(end.qos_profile))

@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A node of your own, started by a launch file: it publishes how hard the skin is touched, 0 to 1.
+"""A node of your own in the process of the skin: it publishes how hard the skin is touched, 0 to 1.
 
-own_node.launch.yaml names this module as `pkg` and the class as `exec`. A node gets a handle with
-the methods of an rclpy node: parameters in, callbacks, publish.
+A node gets a handle with the methods of an rclpy node: parameters in, callbacks, publish.
 
     python examples/own_node.py        # 20 seconds on a simulated board
     python examples/own_node.py 5
 """
 
 import sys
-from pathlib import Path
 
 from tactile_skin.launch import launch
 from tactile_skin.msg import Float32, WrenchStamped
@@ -32,7 +30,9 @@ class TouchLevel:
 if __name__ == "__main__":
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 20.0
     levels = []
-    with launch(Path(__file__).with_name("own_node.launch.yaml")) as skin:
+    skin = launch("demo.launch.yaml", scene="push_left", monitor=False)
+    skin.add(TouchLevel, {"full_scale": 40.0}, name="touch_level")
+    with skin:
         skin.node.create_subscription(Float32, "touch_level", levels.append, 10)
         skin.spin(seconds)
     print(f"{len(levels)} levels, the largest {max(m.data for m in levels):.2f}")

@@ -4,6 +4,9 @@
 from tactile_skin import Circuit, PressureCurve, forward, compensate
 from tactile_skin import measure_rest, identify, fit_curve, fit_reference, measure_creep
 
+with tactile_skin.open("/dev/ttyUSB0", "mine.yaml") as skin:
+    for t, force in skin: ...
+
 Each name is loaded when it is first asked for: what the command does before anything else takes no
 second (__main__.py).
 """
@@ -18,6 +21,7 @@ if TYPE_CHECKING:
     from .calibration.rest import Rest, measure_rest
     from .findings.finding import Finding
     from .health.doctor import diagnose
+    from .opened import open as open
     from .physics.adc import Adc
     from .physics.circuit import Circuit, forward
     from .physics.creep import Creep
@@ -31,6 +35,7 @@ _HOME = {
     "health.doctor": ("diagnose",),
     "calibration.identify": ("Identified", "identify"),
     "calibration.rest": ("Rest", "measure_rest"),
+    "opened": ("open",),
     "physics.adc": ("Adc",),
     "physics.circuit": ("Circuit", "forward"),
     "physics.creep": ("Creep",),

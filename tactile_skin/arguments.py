@@ -7,7 +7,7 @@ import argparse
 from collections import deque
 from pathlib import Path
 
-from .errors import did_you_mean
+from .errors import is_unknown
 
 _BOOLS = {"true": True, "false": False}
 
@@ -56,7 +56,7 @@ class CommandParser(argparse.ArgumentParser):
             seen.add(name)
             if action is None and not takes_any:
                 names = (key for key in options if len(key) > 1)
-                self.error(f"argument {name!r} is unknown{did_you_mean(name, names)}")
+                self.error(f"argument {name!r} {is_unknown(name, names)}")
             nargs = action and action.nargs  # None: one value
             if values is None:
                 most, values = {0: 0, "+": len(rest)}.get(nargs, 1), []
@@ -101,7 +101,7 @@ def split(words: list[str], kinds: dict[str, type] | None = None) -> tuple[list[
             files.append(word)
             continue
         if kinds is not None and name not in kinds:
-            raise ValueError(f"argument {name!r} is unknown{did_you_mean(name, kinds)}")
+            raise ValueError(f"argument {name!r} {is_unknown(name, kinds)}")
         kind = str if kinds is None else kinds[name]
         if name in given:
             raise ValueError(f"argument {name!r} is given twice")

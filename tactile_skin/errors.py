@@ -75,6 +75,17 @@ class TrainingDied(TactileSkinError, RuntimeError):
     """The run cannot recover: outputs all equal, no better than a constant, or not finite."""
 
 
+SUCCESSORS = {  # node or argument of an earlier version -> what there is instead
+    "foxglove": "is gone: the app opens a recording, and foxglove_bridge shows a skin on ROS",
+    "board": "is gone: the board is simulated; only the firmware's tests simulate its chip",
+}
+
+
+def is_unknown(name: str, known: Iterable[str]) -> str:
+    """Return the end of a message that refuses an argument: what there is instead."""
+    return SUCCESSORS.get(name) or f"is unknown{did_you_mean(name, known)}"
+
+
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return the end of a message that refuses an unknown name.
 

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Start the nodes that a ROS 2 YAML launch file names, all in this process.
+"""Start the nodes of a launch file of the package, and those of your own, all in this process.
 
     with launch("skin.launch.yaml", port="/dev/ttyUSB0") as skin:
         skin.on_stop(lambda stop, reason: print(stop, reason))
         skin.spin()
 
-The grammar is the part of ROS 2's YAML launch format that the skin needs. What is not understood is
-refused by name.
+A node of your own comes by `skin.add(Node, parameters)` before `with`, or stands under `nodes` in
+the parameter file. Other launch files are started by `ros2 launch`.
 """
 
 from __future__ import annotations
@@ -20,16 +20,15 @@ import logging
 import math
 import shlex
 import subprocess
-import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 from .behaviours.hooks import EventHook, StopHook
 from .errors import LaunchError
 from .middleware.bus import Context, MultiThreadedExecutor, Node
 from .middleware.launch_file import read_arguments, read_plan
 from .middleware.logs import QueuedLog
-from .middleware.package import BODY, PACKAGE, RECORDER, VIEW, find, node_class, share_dir
+from .middleware.package import BODY, PACKAGE, RECORDER, VIEW, find, share_dir
 from .middleware.plan import (
     NodeAction,
     Plan,
@@ -39,10 +38,11 @@ from .middleware.plan import (
     make_node,
     naming_its_file,
     parameters_of,
+    user_node,
 )
 from .middleware.processes import end_commands, start_command
 from .middleware.signals import SIGNALS, unwinding
-from .middleware.threads import PACE
+from .middleware.threads import PACE, close_nodes
 from .msg import DiagnosticArray, Trigger
 from .nodes import diagnostics
 from .touch.events import Event, Gestured, Pushed, Released, Stroked
@@ -68,7 +68,6 @@ def __getattr__(name: str):
 
 _POLL = 0.02  # s between two checks of `spin` for signals, nodes and commands
 # From a signal to the end of the process it takes a second at most, whatever hangs:
-_CLOSE_WITHIN = 0.1  # s that the end of one node may keep the others waiting
 _END_WITHIN = 0.3  # s for all final messages, and for hooks to receive the stop
 _HURRY = 0.5  # s after which commands of the launch file are killed, if a signal asked for the end
 _PATIENCE = 3.0  # s, if none did: they may have something to save
@@ -82,10 +81,10 @@ class Skin:
         node: for subscriptions of your own; its callbacks have a thread of their own.
     """
 
-    def __init__(self, plan: Plan, context: Context | None = None):
+    def __init__(self, plan: Plan | None = None, context: Context | None = None):
         self._context = context or Context()
         self._executor = MultiThreadedExecutor()
-        self._plan = plan
+        self._plan = plan or Plan()
         self._handles: list[Node] = []
         self._nodes: list = []
         self._processes: list[subprocess.Popen] = []
@@ -94,6 +93,33 @@ class Skin:
         self._log: QueuedLog | None = None
         self._began = self._ended = False
         self.node = Node("user", context=self._context)
+
+    def add(
+        self,
+        node: type | str,
+        parameters: Mapping[str, object] | None = None,
+        *,
+        name: str = "",
+        namespace: str = "",
+        remappings: Sequence[tuple[str, str]] = (),
+    ) -> None:
+        """Start another node with the others; call it before `with`.
+
+        Args:
+            node: a class that takes a Node handle, module.Class, or the name of one of the
+                package's nodes.
+            parameters: name -> value, over what the parameter file says under the node's name.
+            name: of the node; "": that of the class.
+            namespace: of its names.
+            remappings: (from, to) of its topics and services.
+
+        Raises:
+            LaunchError: the nodes run already.
+        """
+        if self._began:
+            raise LaunchError(f"{node}: the nodes run already: add it before `with`")
+        files = self._plan.files()
+        self._plan.add(user_node(node, name, namespace, parameters or {}, remappings, files))
 
     def __enter__(self) -> Skin:
         if self._began:
@@ -136,19 +162,20 @@ class Skin:
 
         names: dict[str, frozenset[str] | None] = {}
         for action in self._plan.nodes:
-            name, ours = action.full_name, action.package == PACKAGE
+            name = action.full_name
             if name in names:
                 raise LaunchError(f"{action.file}: node {name}: there are two of this name")
-            says_later = not ours or action.kind in (BODY, VIEW)  # which parameters it has
-            names[name] = None if says_later else all_names(action.executable)
+            kind = action.executable  # these say which they have once they are made
+            later = not action.ours or kind in (BODY, VIEW)
+            names[name] = None if later else all_names(kind)
         check_parameters(self._plan, names)
         for action in self._plan.nodes:
             SIGNALS.raise_pending()  # the last one took a while
             handle = self._make_node(action)
-            kind = node_class(action.executable, action.package, action.file)
+            made_by = action.made_by
             self._handles.append(handle)
             with naming_its_file(action):
-                self._nodes.append(kind(handle))
+                self._nodes.append(made_by(handle))
             if names[action.full_name] is None:
                 names[action.full_name] = frozenset(handle.parameter_names())
         check_parameters(self._plan, names)
@@ -174,7 +201,7 @@ class Skin:
         for hook in self._hooks:
             if isinstance(hook, StopHook):
                 hook.end()
-        self._close_nodes(until)
+        close_nodes(zip(self._handles, self._nodes, strict=False), self._executor.drain, until)
         for process in self._processes:  # the board after the final stop; it ends beside the hooks
             process.terminate()
         for hook in self._hooks:
@@ -190,26 +217,6 @@ class Skin:
         if SIGNALS.acted:
             gc.freeze()  # the interpreter ends 0.1 s sooner if it need not look at all of NumPy
         SIGNALS.leave()
-
-    def _close_nodes(self, until: float) -> None:
-        """In the way of the data: what is on its way still arrives.
-
-        A close that hangs, on a terminal that takes nothing say, does not keep the others.
-        """
-        drained = min(until, time.monotonic() + _CLOSE_WITHIN)
-        for handle, node in zip(self._handles, self._nodes, strict=False):
-            if not hasattr(node, "close"):
-                continue
-            closing = threading.Thread(
-                target=_close, args=(handle, node), name="skin close", daemon=True
-            )
-            try:
-                closing.start()
-            except RuntimeError:  # the interpreter is ending, and starts no more threads
-                _close(handle, node)
-            else:
-                closing.join(max(0.0, min(_CLOSE_WITHIN, until - time.monotonic())))
-            self._executor.drain(max(0.0, drained - time.monotonic()))
 
     def spin(self, timeout: float | None = None) -> None:
         """Wait until a node, a failed command, a signal or `timeout` [s] ends the launch.
@@ -364,22 +371,18 @@ class Skin:
 
     def _of_kind(self, executable: str, of: list) -> list:
         """Of the handles, or the nodes, those of a kind."""
-        return [x for x, a in zip(of, self._plan.nodes, strict=False) if a.kind == executable]
-
-
-def _close(handle: Node, node) -> None:
-    try:
-        node.close()
-    except Exception:  # a closed stdout, say
-        handle.get_logger().exception("close() raised")
+        return [x for x, a in zip(of, self._plan.nodes, strict=False) if a.executable == executable]
 
 
 def launch(path=None, *, context: Context | None = None, **arguments) -> Skin:
     """Return the skin of a launch file, ready for `with`.
 
     Args:
-        path: ROS 2 YAML launch file; None: that of `default_file`.
+        path: launch file of the package; None: that of `default_file`.
         arguments: of the launch file, as on the command line after ``:=``.
+
+    Raises:
+        LaunchError: another file, or an argument that is unknown or not allowed.
     """
     return Skin(read_plan(find(path or default_file(arguments)), arguments), context)
 

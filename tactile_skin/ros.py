@@ -133,10 +133,16 @@ def plan_of(executable: str, args: RosArguments) -> Plan:
     )
     parts = [program] if alone else parts_of(program)
     for part in parts if not alone else ():
-        part.name = name = args.name_of(part.kind, alone=False)
-        part.namespace = args.namespace_of(part.kind, name, *of_all[1:]).strip("/")
-        part.parameters += args.parameters_of(part.kind, name)
-        part.remappings = args.remappings_of(part.kind, name) + program.remappings
+        part.name = name = args.name_of(part.executable, alone=False)
+        part.namespace = args.namespace_of(part.executable, name, *of_all[1:]).strip("/")
+        part.parameters += args.parameters_of(part.executable, name)
+        part.remappings = args.remappings_of(part.executable, name) + program.remappings
+    for file in program.files():
+        if file.nodes:
+            raise LaunchError(
+                f"{file.path}: nodes: {file.nodes[0]['class']}: is for tactile-skin launch; on ROS "
+                "start it as a node of its own"
+            )
     nodes, skins = [node for part in parts for node in with_skins(part)], []
     if executable == BODY and program.values().get("separate") is True:
         skins, nodes = _programs(nodes[:-1]), nodes[-1:]

@@ -52,7 +52,7 @@ def test_the_help_lists_the_commands(call):
 def test_the_arguments_of_a_launch_file_are_shown(call):
     status, out, _ = call("launch", "--show-args")
     assert status == 0
-    for name in ("board", "scene", "method", "duration", "config"):
+    for name in ("scene", "method", "duration", "config"):
         assert re.search(rf"^{name}:=", out, re.MULTILINE)
     status, out, _ = call("launch", "--show-args", "body.launch.yaml")
     assert status == 0 and "config:=... (must be given)\n" in out and "duration:=\n" in out
@@ -172,10 +172,8 @@ OTHERS = {
     "noise": (["sim", "--link", "x", "--noise", "-1"], "noise = -1.0"),
     "no number": (["sim", "--link", "x", "--rate", "fast"], "'fast'"),
     "sim's protocol": (["sim", "--link", "x", "--config", "morse.yaml"], "protocol 'morse'"),
-    "firmware's protocol": (
-        ["sim", "--link", "x", "--board", "firmware", "--config", "text.yaml"],
-        "protocol 'text' is of the board `model`",
-    ),
+    "a simulated chip": (["sim", "--link", "x", "--board", "firmware"], "'board' is gone: "),
+    "another board": (["launch", "board:=firmware"], "argument 'board' is gone: "),
     "link in no folder": (["sim", "--link", "no/folder/skin"], "no/folder"),
     "threads": (["train", "--threads", "0"], "--threads = 0"),
     "a bad training rate": (["train", "--rate", "0"], "rate = 0.0"),

@@ -13,11 +13,12 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from support.skins import skin_of
 
 from tactile_skin import Circuit, PressureCurve, cli
 from tactile_skin.errors import FileError
 from tactile_skin.files import one_line, shorten
-from tactile_skin.launch import Skin, read_plan, share_dir
+from tactile_skin.launch import share_dir
 from tactile_skin.learning import network
 from tactile_skin.learning.dataset import TrainingConfig
 from tactile_skin.middleware.parameter_file import ParameterFile
@@ -26,8 +27,6 @@ from tactile_skin.yaml_files import parse_yaml, read_yaml, write_yaml
 
 HANG = 5  # s after which a file counts as one that hangs; most are refused within 0.05 s
 CONFIG = (share_dir() / "config" / "skin.yaml").read_text()
-LAUNCH = (share_dir() / "launch" / "skin.launch.yaml").read_text()
-NODE = "- node: {pkg: tactile_skin, exec: %s, param: [{from: %s}]}\n"
 WEIGHTS = (network.SHIPPED / "paper.npz").read_bytes()
 
 
@@ -124,22 +123,16 @@ def bad_file(tmp_path, wrong):
     return path, words
 
 
-def launching(tmp_path, entities: str):
-    path = tmp_path / "outer.launch.yaml"
-    path.write_text("launch:\n" + entities)
-    return path
-
-
-def with_parameters(tmp_path, path):
-    """A launch file of one node that reads this parameter file."""
-    return launching(tmp_path, NODE % ("compensation", json.dumps(str(path))))
+def with_parameters(path):
+    """The words after `launch` for a skin with this parameter file."""
+    return "skin.launch.yaml", "port:=loop://", "monitor:=false", f"config:={path}"
 
 
 def with_weights(tmp_path, path):
     config = tmp_path / "skin.yaml"
     section = {"compensation": {"ros__parameters": {"weights": str(path), "method": "cnn"}}}
     config.write_text(json.dumps(section))
-    return with_parameters(tmp_path, config)
+    return with_parameters(config)
 
 
 def with_table(tmp_path, path):
@@ -149,7 +142,7 @@ def with_table(tmp_path, path):
         "geometry": {"shape": "table", "table": str(path)},
     }
     config.write_text(json.dumps({"/**": {"ros__parameters": parameters}}))
-    return with_parameters(tmp_path, config)
+    return with_parameters(config)
 
 
 @pytest.mark.parametrize("wrong", YAML)
@@ -166,8 +159,7 @@ def test_bad_yaml_is_one_line(tmp_path, wrong):
 @pytest.mark.parametrize("content", [*NO_YAML_OF.values(), YAML["key twice"][0], b"a: \xfc"])
 def test_each_reader_of_yaml_refuses_it_by_name(refused, tmp_path, content):
     write(tmp_path / "bad.yaml", content)
-    refused("launch", "bad.yaml")
-    refused("launch", with_parameters(tmp_path, tmp_path / "bad.yaml"))
+    refused("launch", *with_parameters(tmp_path / "bad.yaml"))
     refused("sim", "--link", "x", "--config", "bad.yaml")
     with pytest.raises(FileError, match=r"bad.yaml: "):
         PressureCurve.load(tmp_path / "bad.yaml")
@@ -178,15 +170,12 @@ def test_what_is_no_file(refused, tmp_path, wrong):
     """Wherever a file is named."""
     path, words = bad_file(tmp_path, wrong)
     for command in (
-        ("launch", with_parameters(tmp_path, path)),
-        ("launch", "skin.launch.yaml", "port:=loop://", f"config:={path}"),
+        ("launch", *with_parameters(path)),
         ("sim", "--link", "x", "--config", path),
         ("train", "--config", path),
         ("train", "--start", path),
-        ("launch", with_weights(tmp_path, path)),
-        ("launch", with_table(tmp_path, path)),
-        ("launch", path),
-        ("launch", launching(tmp_path, f"- include: {{file: '{path}'}}\n")),
+        ("launch", *with_weights(tmp_path, path)),
+        ("launch", *with_table(tmp_path, path)),
     ):
         holds(refused(*command), words)
     signal.alarm(HANG)
@@ -226,33 +215,6 @@ def test_a_bad_checkpoint(tmp_path, content):
 # --- launch files -------------------------------------------------------------------------------
 
 
-STOP = "- node: {pkg: tactile_skin, exec: stop_on_push, %s}\n"
-ENTITIES = {  # what is wrong -> (entities, what the line must hold)
-    "nothing": (" []\n", "starts nothing"),
-    "two of one name": (STOP % "name: a" * 2, "node /a: there are two of this name"),
-    "param infinite": (STOP % "param: [{name: hold, value: 1.0e+400}]", "= inf: must be finite"),
-    "remap to another type": (
-        STOP % "remap: [{from: skin/stop, to: skin/contacts}]",
-        ["/stop_on_push", "/skin/contacts carries", "check remap"],
-    ),
-    "include a folder": ("- include: {file: $(dirname)}\n", "is a folder"),
-}
-
-
-@pytest.mark.parametrize("wrong", ENTITIES)
-def test_a_launch_file_of_bad_entities(refused, tmp_path, wrong):
-    entities, words = ENTITIES[wrong]
-    write(tmp_path / "bad.launch.yaml", "launch:\n" + entities)
-    holds(refused("launch", "bad.launch.yaml", named=""), words)
-
-
-def test_launch_files_that_include_one_another(refused, tmp_path):
-    for one, other in ("ab", "bc", "cb"):
-        text = f"launch:\n- include: {{file: $(dirname)/{other}.launch.yaml}}\n"
-        (tmp_path / f"{one}.launch.yaml").write_text(text)
-    holds(refused("launch", "a.launch.yaml", named="b.launch.yaml"), "includes itself, by")
-
-
 def test_an_argument_given_twice(refused):
     line = refused("launch", "skin.launch.yaml", "port:=a", "port:=b", named="'port'")
     holds(line, "is given twice")
@@ -290,7 +252,7 @@ PARAMETERS = {  # what is wrong -> (content, what the line must hold)
 def test_a_parameter_file_of_bad_values(refused, tmp_path, wrong):
     content, words = PARAMETERS[wrong]
     write(tmp_path / "bad.yaml", content)
-    holds(refused("launch", with_parameters(tmp_path, "bad.yaml"), named="bad.yaml: "), words)
+    holds(refused("launch", *with_parameters("bad.yaml"), named="bad.yaml: "), words)
 
 
 def test_a_misspelt_parameter_of_the_board(refused, tmp_path):
@@ -312,7 +274,8 @@ def test_good_files_are_taken(tmp_path):
     assert parse_yaml("", "here") is None
     (tmp_path / "skin.yaml").write_bytes(b"\xef\xbb\xbf" + CONFIG.replace("\n", "\r\n").encode())
     shipped = ParameterFile(share_dir() / "config" / "skin.yaml")
-    assert ParameterFile(tmp_path / "skin.yaml").sections == shipped.sections
+    copied = ParameterFile(tmp_path / "skin.yaml").sections
+    assert [s.values for s in copied] == [s.values for s in shipped.sections]
 
 
 @pytest.mark.parametrize("text", ["1e3", "2.5e1", "-1.E-5", ".5e3", "+1E+2"])
@@ -426,7 +389,7 @@ BAD_WEIGHTS = {  # what is wrong -> (content, what the line must hold)
 def test_bad_weights(refused, tmp_path, wrong):
     make, words = BAD_WEIGHTS[wrong]
     (tmp_path / "bad.npz").write_bytes(make())
-    holds(refused("launch", with_weights(tmp_path, "bad.npz"), named="weights bad.npz"), words)
+    holds(refused("launch", *with_weights(tmp_path, "bad.npz"), named="weights bad.npz"), words)
 
 
 def test_good_weights_are_taken_in_any_order(tmp_path):
@@ -447,7 +410,7 @@ QUICK = settings(max_examples=60)
 WORDS = [b"&a ", b"*a", b"<<: *a", b"[", b"]", b"{", b"}", b": ", b"- ", b"\n", b"\t", b"\0"]
 WORDS += [b"\xff", b"'", b'"', b"!!int ", b"!x ", b"null", b"~", b"1e400", b".nan", b".inf"]
 WORDS += [b"9" * 30, b"-1", b"0x", b"1:2", b"%YAML", b"---\n", b"|\n", b"? ", b"# ", b"", b"true"]
-WORDS += [b"$(var ", b"$(dirname)", b")", b"/", b"\\", b",", b"\xc3", b"\xe2\x80\xa8", b"\r", b"  "]
+WORDS += [b")", b"/", b"\\", b",", b"\xc3", b"\xe2\x80\xa8", b"\r", b"  "]
 edits = st.lists(
     st.tuples(st.floats(0, 1), st.integers(0, 40), st.sampled_from(WORDS) | st.binary(max_size=4)),
     min_size=1,
@@ -483,15 +446,8 @@ def folder(tmp_path_factory):
 
 def start_with(folder, content: bytes):
     (folder / "fuzz.yaml").write_bytes(content)
-    nodes = "".join(
-        NODE % (name, "$(dirname)/fuzz.yaml") for name in ("stop_on_push", "compensation")
-    )
-    Skin(read_plan(launching(folder, nodes), {})).build()
-
-
-def plan_of(folder, content: bytes):
-    (folder / "fuzz.launch.yaml").write_bytes(content)
-    return read_plan(folder / "fuzz.launch.yaml", {})
+    files = [ParameterFile(folder / "fuzz.yaml", own=True)]
+    skin_of("stop_on_push", "compensation", files=files).build()
 
 
 def force_of(folder, content: bytes):
@@ -518,11 +474,8 @@ def meta_of(folder, content: bytes):
     force_of(folder, packed(meta=content.decode("utf-8", "replace")))
 
 
-DEMO = (share_dir() / "launch" / "demo.launch.yaml").read_bytes()
 SEEDS = {  # what -> (valid content, what reads it)
     "parameters": (CONFIG.replace("    frame_id: base_link", "").encode(), start_with),
-    "launch": (LAUNCH.encode(), plan_of),
-    "demo": (DEMO, plan_of),
     "weights": (WEIGHTS, force_of),
     "meta": (json.dumps({"format": 1} | network.shipped("paper").meta).encode(), meta_of),
     "table": (TABLE.encode(), table_of),

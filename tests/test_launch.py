@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Launch files: the part of ROS 2's grammar that is understood, and what is refused by name."""
+"""Launch files, what is refused of their arguments by name, and the running skin."""
 
 import contextlib
 import gc
 import itertools
 import logging
+import math
 import os
 import signal
 import sys
-import textwrap
 import threading
 import time
 from pathlib import Path
@@ -18,6 +18,7 @@ import pytest
 import yaml
 from support.patience import PATIENCE, Hang
 from support.simulated import CIRCUIT, serving
+from support.skins import skin_of
 from support.told import Told
 
 from tactile_skin import PressureCurve
@@ -28,10 +29,12 @@ from tactile_skin.launch import (
     Skin,
     find,
     launch,
+    read_arguments,
     read_plan,
     share_dir,
 )
 from tactile_skin.middleware.bus import Context
+from tactile_skin.middleware.parameter_file import ParameterFile
 from tactile_skin.middleware.plan import by_thread
 from tactile_skin.msg import Bool, Header, PointCloud2, Trigger, Twist, cloud
 from tactile_skin.nodes.stop_on_push import LATCHED
@@ -39,206 +42,82 @@ from tactile_skin.simulation import simulator
 
 pytestmark = pytest.mark.live
 
-NODE = "- node: {pkg: tactile_skin, exec: stop_on_push%s}\n"
-NOTHING = "- let: {name: a, value: b}\n"
+# Contacts come from a timer that a busy machine may delay: they go stale late.
+PATIENT = {"stale_after": 1.0, "threshold": 10.0, "release": 5.0, "hold": 0.05}
+STOP = "stop_on_push"
+PATIENT_STOP = STOP, PATIENT
 
 
-@pytest.fixture
-def write(tmp_path):
-    """A function that writes a launch file of the given entities."""
-
-    def write(entities: str, name="test.launch.yaml"):
-        path = tmp_path / name
-        path.write_text("launch:\n" + textwrap.dedent(entities))
-        return path
-
-    return write
+def start(skin: Skin) -> None:
+    """Bring the nodes up, and down again."""
+    with skin:
+        pass
 
 
-@pytest.fixture
-def plan(write):
-    return lambda entities, **arguments: read_plan(write(entities), arguments)
+# --- which files, and what they take ---
 
 
-def echoed(text: str) -> str:
-    """An entity whose filled-in text can be looked at: what follows the word."""
-    return f"- executable: {{cmd: 'echo {text}'}}\n"
+@pytest.mark.parametrize("how", ["an argument", "a section"])
+def test_what_an_earlier_version_had_is_refused_with_what_there_is_instead(tmp_path, how):
+    config = tmp_path / "mine.yaml"
+    config.write_text("/**/foxglove: {ros__parameters: {port: 8765}}\n")
+    given = {"foxglove": "true"} if how == "an argument" else {"config": config}
+    with pytest.raises(ValueError, match=r"foxglove.* is gone: .*foxglove_bridge"):
+        start(launch("skin.launch.yaml", port="loop://", monitor="false", **given))
 
 
-def words(plan) -> list[list[str]]:
-    return [command[1:] for command in plan.commands]
-
-
-# --- what is understood ---
-
-
-def test_arguments_have_defaults_and_are_given(plan):
-    entities = "- arg: {name: a, default: one, description: letters}\n" + echoed("$(var a)")
-    assert words(plan(entities)) == [["one"]]
-    assert words(plan(entities, a="two")) == [["two"]]
-    assert plan(entities).arguments["a"].description == "letters"
-    with pytest.raises(LaunchError, match="argument 'aa' is unknown; did you mean 'a'"):
-        plan(entities, aa="two")
-
-
-def test_substitutions(plan, write, tmp_path, monkeypatch):
-    """$(anon x) is the same in an included file, another in the next launch."""
-    monkeypatch.setenv("SKIN_A", "here")
-    monkeypatch.delenv("SKIN_B", raising=False)
-    share = "$(find-pkg-share tactile_skin)/config"
-    text = f"$(env SKIN_A no) $(env SKIN_B default) $(dirname) {share} $(anon a)"
-    write(echoed("$(anon a)"), "inner.launch.yaml")
-    entities = echoed(text) + "- include: {file: $(dirname)/inner.launch.yaml}\n"
-    (*found, name), inner = words(plan(entities))
-    assert found == ["here", "default", str(tmp_path.resolve()), str(share_dir() / "config")]
-    assert [name] == inner
-    assert name.startswith("a_") and name != words(plan(entities))[0][-1]
-    program = plan(echoed("$(exec-in-pkg tactile-skin tactile_skin)"))
-    assert words(program) == [[sys.executable, "-m", "tactile_skin"]]
-
-
-@pytest.mark.parametrize(
-    ("condition", "there"),
-    [
-        ("if: true", True),
-        ("if: 'false'", False),
-        ("unless: $(var on)", False),
-        ("unless: 0", True),
-        ("if: '1', unless: 'True'", False),
-    ],
-)
-@pytest.mark.parametrize("entity", ["node", "include"])
-def test_conditions(write, plan, entity, condition, there):
-    write(NODE % "", "inner.launch.yaml")
-    body = {
-        "node": "pkg: tactile_skin, exec: stop_on_push",
-        "include": "file: $(dirname)/inner.launch.yaml",
-    }[entity]
-    entities = f"- arg: {{name: 'on', default: 'true'}}\n- {entity}: {{{body}, {condition}}}\n"
-    found = plan(entities)
-    assert bool(found.nodes) is there
-
-
-def test_an_included_file_sees_all_arguments_as_in_ros_2(write, plan):
-    inner = "- arg: {name: a, default: inner}\n- arg: {name: b, default: b}\n"
-    write(inner + echoed("$(var a)$(var b)"), "inner.launch.yaml")
-    outer = "- arg: {name: a, default: outer}\n- include: {file: $(dirname)/inner.launch.yaml%s}\n"
-    assert words(plan(outer % "")) == [["outerb"]]
-    assert words(plan(outer % "", b="given")) == [["outergiven"]]
-    assert list(plan(outer % "").arguments) == ["a", "b", "record", "foxglove"]
-    passing = ", arg: [{name: b, value: '$(var a)'}]"
-    assert words(plan(outer % passing)) == [["outerouter"]]
-    with pytest.raises(LaunchError, match="argument 'b' is unknown"):  # it would be ignored
-        plan(outer % passing, b="given")
-
-
-def test_a_node_and_what_it_is_given(plan):
-    (node,) = plan(
-        """
-        - arg: {name: who, default: guard}
-        - let: {name: limit, value: "12.5"}
-        - node:
-            pkg: tactile_skin
-            exec: stop_on_push
-            name: $(var who)
-            namespace: left
-            output: screen
-            param:
-            - {name: threshold, value: $(var limit)}
-            - {name: release, value: 3.0}
-            - {name: text, value: "'7'"}
-            remap:
-            - {from: skin/stop, to: $(var who)/stop}
-        """
-    ).nodes
-    assert (node.executable, node.full_name) == ("stop_on_push", "/left/guard")
-    # a substitution's text is read as YAML, as ROS 2 does
-    assert node.values() == {"threshold": 12.5, "release": 3.0, "text": "7"}
-    assert node.remappings == [("skin/stop", "guard/stop")]
-
-
-# --- what is refused ---
-
-STOP = NODE % ", %s"
-GRAMMAR = {  # what is wrong -> (entities, what the message must hold)
-    "unknown entity": ("- group: {}\n", ["group: not understood", "node", "include"]),
-    "null": ("- null\n", ["None: must be one of arg"]),
-    "two in one": ("- {arg: {name: a}, let: {name: b, value: c}}\n", ["must be one of"]),
-    "body is no map": ("- node: 5\n", ["node: must map keys to values"]),
-    "unknown key": (STOP % "respawns: true", ["node: key 'respawns'", "remap"]),
-    "missing key": ("- node: {pkg: tactile_skin}\n", ["node: needs the key 'exec'"]),
-    "unknown substitution": (echoed("$(eval 1+1)"), ["$(eval 1+1)", "$(var x)", "$(anon x)"]),
-    "open bracket": (echoed("$(var a"), ["$(var a", "not understood"]),
-    "unknown variable": (
-        "- let: {name: b, value: c}\n" + echoed("$(var a)"),
-        ["$(var a)", "not known", "b"],
-    ),
-    "environment": (echoed("$(env SKIN_UNSET)"), ["$(env SKIN_UNSET)", "not set"]),
-    "package": (echoed("$(find-pkg-share nav2)"), ["$(find-pkg-share nav2)", "tactile_skin"]),
-    "argument without value": ("- arg: {name: a}\n", ["arg: a has no default", "a:=value"]),
-    "argument with blanks": ("- arg: {name: a b, default: a}\n", ["arg: name = 'a b'"]),
-    "condition": (STOP % "if: maybe", ["node: if = 'maybe'", "true or false"]),
-    "a list for a text": (STOP % "if: [true]", ["node: if = [True]: must be text"]),
-    "unknown node": (
-        "- node: {pkg: tactile_skin, exec: stop}\n",
-        ["node stop: exec", "stop_on_push"],
-    ),
-    "name with a slash": (STOP % "name: a/b", ["name = 'a/b': must be of letters"]),
-    "namespace of blanks": (STOP % "namespace: a b", ["namespace = 'a b': must be names"]),
-    "param without value": (STOP % "param: [{name: a}]", ["param", "'a'", "needs the key 'value'"]),
-    "param is no list": (STOP % "param: {from: a.yaml}", ["stop_on_push: param", "list of maps"]),
-    "param holds words": (STOP % "param: [threshold]", ["stop_on_push: param", "threshold"]),
-    "param is no YAML": (
-        STOP % "param: [{name: method, value: '[x'}]",
-        ["stop_on_push: param method = '[x'", "not valid YAML"],
-    ),
-    "remap without to": (STOP % "remap: [{from: a}]", ["remap", "needs the key 'to'"]),
-    "remap to nothing": (STOP % "remap: [{from: a, to: ''}]", ["remap: to = '': must be a topic"]),
-    "cmd empty": ("- executable: {cmd: ''}\n", ["cmd = '': must name a program"]),
-    "cmd with an open quote": ("- executable: {cmd: 'echo \"a'}\n", ["No closing quotation"]),
-    "include itself": ("- include: {file: $(dirname)/test.launch.yaml}\n", ["includes itself"]),
-    "include arg with more": (
-        "- include: {file: a.yaml, arg: [{name: a, value: b, default: c}]}\n",
-        ["include: arg", "default"],
-    ),
+WRONG = {  # what is wrong -> (arguments of skin.launch.yaml, what the message must hold)
+    "misspelt": ({"prot": "a"}, ["argument 'prot' is unknown; did you mean 'port'"]),
+    "no truth": ({"view": "maybe"}, ["view = 'maybe': must be true or false"]),
+    "namespace of blanks": ({"namespace": "a b"}, ["namespace = 'a b': must be names between"]),
+    "no YAML": ({"method": "[x"}, ["method = '[x'", "not valid YAML"]),
 }
 
 
-@pytest.mark.parametrize("wrong", GRAMMAR)
-def test_what_is_not_understood_is_refused_by_name(write, wrong, monkeypatch):
-    """The message names the file, too."""
-    monkeypatch.delenv("SKIN_UNSET", raising=False)
-    entities, named = GRAMMAR[wrong]
+@pytest.mark.parametrize("wrong", WRONG)
+def test_a_wrong_argument_is_refused_by_name(wrong):
+    given, named = WRONG[wrong]
     with pytest.raises(LaunchError) as error:
-        read_plan(write(entities), {})
-    for text in ["launch.yaml", *named]:
+        read_plan(find("skin.launch.yaml"), given)
+    for text in ["skin.launch.yaml", *named]:
         assert text in str(error.value)
 
 
-@pytest.mark.parametrize("text", ["", "launch: {}", "launch: []\nmore: 1", "- 1", "launch: ["])
-def test_what_is_no_launch_file_is_refused(tmp_path, text):
-    (tmp_path / "x.yaml").write_text(text)
-    with pytest.raises(LaunchError, match=r"x\.yaml: (must hold one list|not valid YAML)"):
-        read_plan(tmp_path / "x.yaml", {})
+def test_an_argument_without_a_default_must_be_given():
+    with pytest.raises(LaunchError, match="config: give config:=value, parameter file with the"):
+        read_plan(find("body.launch.yaml"), {})
+
+
+@pytest.mark.parametrize("name", ["mine.launch.yaml", "rviz.launch.yaml", "robot/skin.launch.yaml"])
+def test_another_launch_file_is_refused_with_what_there_is_instead(name):
+    with pytest.raises(LaunchError, match=r"must be skin.launch.yaml, .*`nodes`.*skin.add\(\)"):
+        launch(name)
+
+
+def test_the_demo_takes_what_the_skin_takes_but_its_port():
+    known = {argument.name for argument in read_arguments(find("skin.launch.yaml"))}
+    demo = {argument.name for argument in read_arguments(find("demo.launch.yaml"))}
+    assert demo - known == {"scene"}
+    assert known - demo == {"port", "wait_for_port"}
+    assert read_plan(find("demo.launch.yaml"), {"scene": "idle"}).commands[0][-2] == "--scene=idle"
 
 
 # --- parameters ---
 
 
-def start(path, **arguments) -> None:
-    """Bring the nodes up, and down again."""
-    with launch(path, **arguments):
-        pass
+def file(path: Path, text: str) -> ParameterFile:
+    path.write_text(text)
+    return ParameterFile(path, own=True)
 
 
-def test_later_parameters_win(write, tmp_path):
-    """A file's own section over /**, and what stands later in the launch file over both."""
-    (tmp_path / "skin.yaml").write_text(
+def test_later_parameters_win(tmp_path):
+    """A file's own section over /**, and what is given to the node over both."""
+    given = file(
+        tmp_path / "skin.yaml",
         "/**: {ros__parameters: {threshold: 11.0, release: 1.0, hold: 1.0}}\n"
-        "stop_on_push: {ros__parameters: {threshold: 12.0, release: 2.0}}\n"
+        "stop_on_push: {ros__parameters: {threshold: 12.0, release: 2.0}}\n",
     )
-    params = ", param: [{from: $(dirname)/skin.yaml}, {name: threshold, value: 13.0}]"
-    with launch(write(NODE % params)) as skin:
+    with skin_of((STOP, {"threshold": 13.0}), files=[given]) as skin:
         config = skin._nodes[0].policy.config
     assert (config.threshold, config.release, config.hold) == (13.0, 2.0, 1.0)
 
@@ -247,15 +126,17 @@ def test_later_parameters_win(write, tmp_path):
     ("threshold", "rows", "named"),
     [(20.0, 1, "board.yaml"), (0.5, 16, "limits.yaml"), (-1.0, 16, "limits.yaml")],
 )
-def test_the_file_is_named_that_gives_what_is_refused(write, tmp_path, threshold, rows, named):
+def test_the_file_is_named_that_gives_what_is_refused(tmp_path, threshold, rows, named):
     """Whether one value is out of range, or several do not go together."""
     section = "/**: {ros__parameters: {%s}}\n"
     circuit = f"circuit: {{rows: {rows}, cols: {rows}}}"
-    (tmp_path / "board.yaml").write_text(section % circuit)
-    (tmp_path / "limits.yaml").write_text(section % f"threshold: {threshold}, release: 2.0")
-    files = "{from: $(dirname)/board.yaml}, {from: $(dirname)/limits.yaml}"
+    limits = f"threshold: {threshold}, release: 2.0"
+    files = [
+        file(tmp_path / f"{name}.yaml", section % text)
+        for name, text in (("board", circuit), ("limits", limits))
+    ]
     with pytest.raises(LaunchError, match=rf"^{tmp_path}/{named}: "):
-        start(write(NODE % f", param: [{files}]"))
+        start(skin_of(STOP, files=files))
 
 
 # --- the shipped files ---
@@ -327,27 +208,20 @@ class Robot:
         self._contacts.publish(cloud({"force": [self.force], "peak": [0.0]}, header))
 
 
-# Contacts come from a timer that a busy machine may delay: they go stale late.
-PATIENT_STOP = NODE % (
-    ", param: [{name: stale_after, value: 1.0}, {name: threshold, value: 10.0},"
-    " {name: release, value: 5.0}, {name: hold, value: 0.05}]"
-)
-
-
 @contextlib.contextmanager
-def moving(path):
+def moving(*nodes):
     """A skin whose robot may move, what its hook hears, and the robot."""
     heard = Told()
-    with launch(path) as skin:
+    with skin_of(*nodes) as skin:
         skin.on_stop(heard)
         robot = Robot(skin)
         heard.wait_for((False, ""))
         yield skin, heard, robot
 
 
-def test_a_hook_hears_every_change_and_its_reason(write):
+def test_a_hook_hears_every_change_and_its_reason():
     heard = Told()
-    with launch(write(PATIENT_STOP)) as skin:
+    with skin_of(PATIENT_STOP) as skin:
         skin.on_stop(heard)
         heard.wait_for_reason("stale: no reading yet")
         robot = Robot(skin)
@@ -362,9 +236,9 @@ def test_a_hook_hears_every_change_and_its_reason(write):
     assert "the skin shuts down" in heard.calls[-1][1]
 
 
-def test_a_hook_that_comes_late_is_told_how_it_stands(write):
+def test_a_hook_that_comes_late_is_told_how_it_stands():
     first, late = Told(), Told()
-    with launch(write(PATIENT_STOP)) as skin:
+    with skin_of(PATIENT_STOP) as skin:
         skin.on_stop(first)
         robot = Robot(skin)
         robot.force = 50.0
@@ -374,20 +248,20 @@ def test_a_hook_that_comes_late_is_told_how_it_stands(write):
         assert all(stop for stop, _ in late.calls)
 
 
-def test_the_garbage_collector_does_not_look_at_what_stays(write):
+def test_the_garbage_collector_does_not_look_at_what_stays():
     """A look at all of NumPy stops every thread for several frames' time."""
     before = len(gc.get_objects())
-    with launch(write(NODE % "")):
+    with skin_of(STOP):
         assert gc.get_freeze_count() > 0.9 * before
         assert len(gc.get_objects()) < 0.1 * before
-        with launch(write(NODE % ", name: second")):
+        with skin_of((STOP, {}, {"name": "second"})):
             pass
         assert gc.get_freeze_count() > 0.9 * before, "one that ends leaves the other's"
     assert gc.get_freeze_count() == 0
 
 
-def test_spin_ends_by_shutdown_and_by_timeout(write):
-    with launch(write(NODE % "")) as skin:
+def test_spin_ends_by_shutdown_and_by_timeout():
+    with skin_of(STOP) as skin:
         skin.spin(timeout=0.0)
         assert skin._context.ok()
         skin.shutdown()
@@ -395,26 +269,26 @@ def test_spin_ends_by_shutdown_and_by_timeout(write):
     assert not skin.failed
 
 
-def command(code: str) -> str:
-    return yaml.safe_dump([{"executable": {"cmd": f"{sys.executable} -c '{code}'"}}])
+def command(code: str) -> list[str]:
+    return [sys.executable, "-c", code]
 
 
-def test_a_command_that_fails_ends_the_run_by_name(write):
+def test_a_command_that_fails_ends_the_run_by_name():
     ended = pytest.raises(LaunchError, match="ended with 3")
-    with launch(write(command("raise SystemExit(3)"))) as skin, ended:
+    with skin_of(commands=[command("raise SystemExit(3)")]) as skin, ended:
         skin.spin(timeout=PATIENCE)
 
 
-def test_commands_end_with_the_skin(write):
+def test_commands_end_with_the_skin():
     """Also when the nodes cannot start."""
-    skin = Skin(read_plan(write(command("import time; time.sleep(600)")), {}))
+    sleeps = command("import time; time.sleep(600)")
+    skin = skin_of(commands=[sleeps])
     with skin:
         (process,) = skin._processes
         assert process.poll() is None
     assert process.poll() is not None
-    bad = command("import time; time.sleep(600)") + NODE % ", param: [{name: a, value: 1}]"
-    skin = Skin(read_plan(write(bad), {}))
-    with pytest.raises(LaunchError, match=r"launch\.yaml: parameter 'a' is unknown"), skin:
+    skin = skin_of((STOP, {"a": 1}), commands=[sleeps])
+    with pytest.raises(LaunchError, match=r"skin\.add: parameter 'a' is unknown"), skin:
         pass
     (process,) = skin._processes
     assert process.poll() is not None
@@ -430,13 +304,12 @@ class Closed:
         raise BrokenPipeError(32, os.strerror(32))
 
 
-def test_a_closed_standard_output_ends_nothing_half(write, monkeypatch):
+def test_a_closed_standard_output_ends_nothing_half(monkeypatch):
     """The monitor's summary fails; the stop's last word is said, and the commands end."""
     monkeypatch.setattr(sys, "stdout", Closed())
     heard = Told()
-    entities = command("import time; time.sleep(600)")
-    entities += "- node: {pkg: tactile_skin, exec: monitor}\n" + NODE % ""
-    with launch(write(entities)) as skin:
+    sleeps = command("import time; time.sleep(600)")
+    with skin_of("monitor", STOP, commands=[sleeps]) as skin:
         skin.on_stop(heard)
         heard.wait_for((True, "stale: no reading yet"))
     assert "the skin shuts down" in heard.calls[-1][1]
@@ -444,11 +317,11 @@ def test_a_closed_standard_output_ends_nothing_half(write, monkeypatch):
 
 
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGINT", "SIGHUP"])
-def test_a_signal_ends_spin_with_a_stop_as_the_last_word(write, name):
+def test_a_signal_ends_spin_with_a_stop_as_the_last_word(name):
     """It returns; what is in the way of signals afterwards is what was there before."""
     number = getattr(signal, name)
     before = signal.getsignal(number)
-    with moving(write(PATIENT_STOP)) as (skin, heard, _):
+    with moving(PATIENT_STOP) as (skin, heard, _):
         sender = threading.Timer(0.1, signal.pthread_kill, (threading.get_ident(), number))
         sender.start()
         skin.spin(PATIENCE)
@@ -462,10 +335,10 @@ def test_a_signal_ends_spin_with_a_stop_as_the_last_word(write, name):
     assert "the skin shuts down" in heard.calls[-1][1]
 
 
-def test_a_signal_unwinds_a_users_own_loop_once(write):
+def test_a_signal_unwinds_a_users_own_loop_once():
     """The second one comes in the middle of the user's own clean-up, which it leaves alone."""
     cleaned = []
-    with pytest.raises(SystemExit) as ended, moving(write(PATIENT_STOP)) as (_, heard, _):
+    with pytest.raises(SystemExit) as ended, moving(PATIENT_STOP) as (_, heard, _):
         try:
             signal.raise_signal(signal.SIGTERM)
         finally:
@@ -494,14 +367,14 @@ def at_every_call(within, number, skip: int):
 
 @pytest.mark.parametrize("skip", [0, 1, 3, 10, 30])
 @pytest.mark.parametrize("function", ["__enter__", "__exit__"])
-def test_a_signal_while_it_begins_or_ends_is_acted_on_after_the_last_word(write, function, skip):
+def test_a_signal_while_it_begins_or_ends_is_acted_on_after_the_last_word(function, skip):
     """From the first instruction on, where no `with` would help."""
-    heard, path, before = Told(), write(PATIENT_STOP), signal.getsignal(signal.SIGTERM)
+    heard, before = Told(), signal.getsignal(signal.SIGTERM)
     trace, skin = at_every_call(getattr(Skin, function), signal.SIGTERM, skip), None
     with pytest.raises(SystemExit):
         try:
             sys.settrace(trace)
-            with launch(path) as skin:
+            with skin_of(PATIENT_STOP) as skin:
                 skin.on_stop(heard)
                 if function == "__exit__":
                     Robot(skin)
@@ -514,11 +387,11 @@ def test_a_signal_while_it_begins_or_ends_is_acted_on_after_the_last_word(write,
     assert signal.getsignal(signal.SIGTERM) is before
 
 
-def test_a_users_own_handler_stays_his(write):
+def test_a_users_own_handler_stays_his():
     seen = []
     before = signal.signal(signal.SIGTERM, lambda *_: seen.append(True))
     try:
-        with launch(write(PATIENT_STOP)) as skin:
+        with skin_of(PATIENT_STOP) as skin:
             signal.raise_signal(signal.SIGTERM)
             skin.spin(0.0)
             assert skin._context.ok()
@@ -527,10 +400,10 @@ def test_a_users_own_handler_stays_his(write):
         signal.signal(signal.SIGTERM, before)
 
 
-def test_of_two_skins_the_inner_one_leaves_the_handlers_to_the_outer(write):
+def test_of_two_skins_the_inner_one_leaves_the_handlers_to_the_outer():
     before = signal.getsignal(signal.SIGTERM)
-    with pytest.raises(SystemExit), launch(write(NODE % "")) as outer:
-        with launch(write(NODE % "")):
+    with pytest.raises(SystemExit), skin_of(STOP) as outer:
+        with skin_of(STOP):
             pass
         assert signal.getsignal(signal.SIGTERM) is not before
         signal.raise_signal(signal.SIGTERM)
@@ -538,11 +411,11 @@ def test_of_two_skins_the_inner_one_leaves_the_handlers_to_the_outer(write):
     assert signal.getsignal(signal.SIGTERM) is before
 
 
-def test_a_skin_in_another_thread_leaves_signals_alone(write):
+def test_a_skin_in_another_thread_leaves_signals_alone():
     handlers = []
 
     def run():
-        with launch(write(NODE % "")) as skin:
+        with skin_of(STOP) as skin:
             handlers.append(signal.getsignal(signal.SIGTERM))
             skin.spin(0.05)
 
@@ -553,7 +426,7 @@ def test_a_skin_in_another_thread_leaves_signals_alone(write):
     assert handlers == [before]
 
 
-def test_a_hook_that_raises_on_the_last_word_is_told_again(write):
+def test_a_hook_that_raises_on_the_last_word_is_told_again():
     told = []
 
     def hook(stop, reason):
@@ -561,20 +434,16 @@ def test_a_hook_that_raises_on_the_last_word_is_told_again(write):
         if "the skin shuts down" in reason and told.count(True) < 4:
             raise OSError("motor bus time-out")
 
-    with launch(write(PATIENT_STOP)) as skin:
+    with skin_of(PATIENT_STOP) as skin:
         skin.on_stop(hook)
         skin.spin(0.1)
     assert told.count(True) >= 3
 
 
-def test_hooks_and_nodes_that_hang_do_not_keep_the_end(write, monkeypatch):
+def test_hooks_and_nodes_that_hang_do_not_keep_the_end(monkeypatch):
     """Nor the last word of the others."""
     heard, hang, context, said = Told(), Hang(), Context(), []
-    moves = "- node: {pkg: tactile_skin, exec: cmd_vel_gate}\n"
-    skin = launch(
-        write("- node: {pkg: tactile_skin, exec: monitor}\n" + PATIENT_STOP + moves),
-        context=context,
-    )
+    skin = skin_of("monitor", PATIENT_STOP, "cmd_vel_gate", context=context)
     with skin:
         for hook in (hang, heard, hang):
             skin.on_stop(hook)
@@ -590,7 +459,7 @@ def test_hooks_and_nodes_that_hang_do_not_keep_the_end(write, monkeypatch):
     hang.release()
 
 
-def test_a_blocked_standard_error_keeps_no_hook_from_its_next_try(write, monkeypatch):
+def test_a_blocked_standard_error_keeps_no_hook_from_its_next_try(monkeypatch):
     """A pipe that nobody reads, or a terminal after Ctrl-S."""
     read_end, write_end = os.pipe()
     os.set_blocking(write_end, False)
@@ -609,7 +478,7 @@ def test_a_blocked_standard_error_keeps_no_hook_from_its_next_try(write, monkeyp
     logging.getLogger().addHandler(handler)
     try:
         start = time.monotonic()
-        with launch(write(NODE % "")) as skin:
+        with skin_of(STOP) as skin:
             skin.on_stop(hook)
             for _ in range(4):
                 assert tries.acquire(timeout=PATIENCE)
@@ -629,7 +498,7 @@ def test_a_blocked_standard_error_keeps_no_hook_from_its_next_try(write, monkeyp
 # --- hooks for pushes, releases and strokes ---
 
 
-def test_a_push_and_its_release_are_told_to_hooks(write):
+def test_a_push_and_its_release_are_told_to_hooks():
     lasted, pushes, releases = [], threading.Event(), threading.Event()
 
     def on_push(force, centre):
@@ -640,7 +509,7 @@ def test_a_push_and_its_release_are_told_to_hooks(write):
         lasted.append(seconds)
         releases.set()
 
-    with moving(write(PATIENT_STOP)) as (skin, _, robot):
+    with moving(PATIENT_STOP) as (skin, _, robot):
         skin.on_push(on_push)
         skin.on_release(on_release)
         assert not pushes.is_set()
@@ -652,14 +521,11 @@ def test_a_push_and_its_release_are_told_to_hooks(write):
     assert len(lasted) == 1 and lasted[0] > 0.0
 
 
-def test_event_hooks_find_their_topics_behind_remappings(write):
+def test_event_hooks_find_their_topics_behind_remappings():
     """So does on_stop; skin/wrench is the gesture node's to remap."""
     heard = Told()
-    entities = NODE % (
-        ", namespace: left, remap: [{from: skin/stop_status, to: halt}],"
-        " param: [{name: stale_after, value: 1.0}]"
-    )
-    with launch(write(entities)) as skin:
+    where = {"namespace": "left", "remappings": [("skin/stop_status", "halt")]}
+    with skin_of((STOP, {"stale_after": 1.0}, where)) as skin:
         skin.on_stop(heard)
         heard.wait_for_reason("no reading yet")
         skin.on_push(print)
@@ -670,30 +536,30 @@ def test_event_hooks_find_their_topics_behind_remappings(write):
 
 
 @pytest.mark.parametrize("name", ["on_stop", "on_push", "on_gesture", "reset_stop"])
-def test_what_needs_a_node_that_is_not_there_is_refused(write, name):
-    with launch(write(NOTHING)) as skin, pytest.raises(LaunchError, match="starts no"):
+def test_what_needs_a_node_that_is_not_there_is_refused(name):
+    with skin_of() as skin, pytest.raises(LaunchError, match="starts no"):
         getattr(skin, name)(*([] if name == "reset_stop" else [print]))
 
 
 @pytest.mark.parametrize("ask", [lambda skin: skin.on_stop(print), lambda skin: skin.spin(0.0)])
-def test_what_needs_a_running_skin_is_refused_with_the_place_for_it(write, ask):
+def test_what_needs_a_running_skin_is_refused_with_the_place_for_it(ask):
     with pytest.raises(LaunchError, match="not running yet: call this within `with`"):
-        ask(launch(write(NODE % "")))
+        ask(skin_of(STOP))
 
 
-def test_a_skin_that_is_begun_twice_is_refused_and_goes_on(write):
-    with launch(write(NODE % "")) as skin:
+def test_a_skin_that_is_begun_twice_is_refused_and_goes_on():
+    with skin_of(STOP) as skin:
         with pytest.raises(LaunchError, match="started already: each `with`"), skin:
             pass
         assert skin.node.context.ok()
-        with launch(write(NOTHING)) as another, pytest.raises(LaunchError, match="starts no"):
+        with skin_of() as another, pytest.raises(LaunchError, match="starts no"):
             another.spin(0.0)
             another.on_stop(print)
 
 
-def test_an_event_hook_of_other_arguments_is_refused_before_the_push(write):
+def test_an_event_hook_of_other_arguments_is_refused_before_the_push():
     with (
-        launch(write(NODE % "")) as skin,
+        skin_of(STOP) as skin,
         pytest.raises(ValueError, match=r"hook .*must be a function of \(force, centre\)"),
     ):
         skin.on_push(lambda force: None)
@@ -706,12 +572,12 @@ def test_an_argument_of_none_is_refused_by_name(name):
         launch(**{name: None})
 
 
-def test_of_two_skins_that_ends_first_leaves_the_process_as_the_other_needs_it(write):
+def test_of_two_skins_that_ends_first_leaves_the_process_as_the_other_needs_it():
     before = sys.getswitchinterval()
-    with launch(write(NODE % "")) as one:
+    with skin_of(STOP) as one:
         log = logging.getLogger("tactile_skin")
         during = sys.getswitchinterval(), gc.get_freeze_count() > 0, log.handlers[:]
-        other = launch(write(NODE % "")).__enter__()
+        other = skin_of(STOP).__enter__()
         one.__exit__()
         assert (sys.getswitchinterval(), gc.get_freeze_count() > 0, log.handlers) == during
         other.__exit__()
@@ -732,17 +598,15 @@ def test_a_bare_name_is_that_of_a_shipped_file(monkeypatch, tmp_path):
     assert find("skin.launch.yaml") == share_dir() / "launch" / "skin.launch.yaml"
     (tmp_path / "skin.launch.yaml").touch()
     assert find("skin.launch.yaml") == Path("skin.launch.yaml")
-    with pytest.raises(LaunchError, match=r"robot/skin\.launch\.yaml: No such file"):
-        launch("robot/skin.launch.yaml")  # not the shipped one, which knows nothing of that robot
 
 
 # --- reset ---
 
-LATCHED_STOP = PATIENT_STOP.replace("param: [", "param: [{name: latch, value: true}, ")
+LATCHED_STOP = STOP, PATIENT | {"latch": True}
 
 
-def test_a_latched_stop_is_reset_from_a_program(write):
-    with moving(write(LATCHED_STOP)) as (skin, heard, robot):
+def test_a_latched_stop_is_reset_from_a_program():
+    with moving(LATCHED_STOP) as (skin, heard, robot):
         robot.force = 50.0
         heard.wait_for((True, "push + latched: push"))
         assert skin.reset_stop() == (False, "still stopped: push")
@@ -754,15 +618,11 @@ def test_a_latched_stop_is_reset_from_a_program(write):
         heard.wait_for((False, ""))
 
 
-WITH_COMPENSATION = LATCHED_STOP + "- node: {pkg: tactile_skin, exec: compensation}\n"
-
-
 @pytest.mark.parametrize("latched", [False, True])
-def test_a_reset_first_ends_a_fault_that_is_kept_from_an_earlier_touch(write, latched):
+def test_a_reset_first_ends_a_fault_that_is_kept_from_an_earlier_touch(latched):
     """It lives in the compensation; alone the stop's reset would be refused."""
-    value = f"latch, value: {latched}".lower()
-    path = write(WITH_COMPENSATION.replace("latch, value: true", value))
-    with moving(path) as (skin, heard, _):
+    stop = STOP, PATIENT | {"latch": latched}
+    with moving(stop, "compensation") as (skin, heard, _):
         compensation, handle = skin._nodes[1], skin._handles[1]
         (service,) = [s for s in handle._services if s.srv_name.endswith("/reset")]
         compensation.skin.waits = False  # rest was measured
@@ -776,16 +636,16 @@ def test_a_reset_first_ends_a_fault_that_is_kept_from_an_earlier_touch(write, la
         heard.wait_for((False, ""))
 
 
-def test_a_compensation_that_does_not_answer_keeps_the_stop(write):
+def test_a_compensation_that_does_not_answer_keeps_the_stop():
     hang = Hang()
-    with launch(write(WITH_COMPENSATION)) as skin:
+    with skin_of(LATCHED_STOP, "compensation") as skin:
         skin._handles[1].create_timer(0.001, hang)
         hang.has_begun()
         assert skin.reset_stop(0.01) == (False, "/compensation/reset does not answer")
         hang.release()
 
 
-def test_a_reset_may_be_asked_for_in_a_callback(write):
+def test_a_reset_may_be_asked_for_in_a_callback():
     """The node behind skin.node has a thread of its own: it may wait for the stop node's answer."""
     answers, done = [], threading.Event()
 
@@ -793,16 +653,16 @@ def test_a_reset_may_be_asked_for_in_a_callback(write):
         answers.append(skin.reset_stop())
         done.set()
 
-    with launch(write(LATCHED_STOP)) as skin:
+    with skin_of(LATCHED_STOP) as skin:
         skin.node.create_subscription(Bool, "skin/stop", on_stop, LATCHED)
         assert done.wait(PATIENCE)
     assert answers[0] == (False, "still stopped: stale: no reading yet")
 
 
-def test_a_reset_that_was_given_up_does_not_happen_later(write):
+def test_a_reset_that_was_given_up_does_not_happen_later():
     """What the hung stop node finds in its queue when it goes on must not free the robot."""
     hang = Hang()
-    with moving(write(LATCHED_STOP)) as (skin, heard, robot):
+    with moving(LATCHED_STOP) as (skin, heard, robot):
         robot.force = 50.0
         heard.wait_for((True, "push + latched: push"))
         robot.force = 0.0
@@ -876,23 +736,31 @@ def test_a_cut_cable_stops(tmp_path, cut):
 # --- nodes that move the robot ---
 
 
-def node(executable: str, more: str = "") -> str:
-    return f"- node: {{pkg: tactile_skin, exec: {executable}{more}}}\n"
-
-
-def test_two_nodes_that_command_one_base_are_refused(write):
+def test_two_nodes_that_command_one_base_are_refused():
     """Their velocities would take turns."""
-    both = node("cmd_vel_gate") + node("push_to_move")
     with pytest.raises(LaunchError, match="/cmd_vel: cmd_vel_gate and push_to_move both publish"):
-        start(write(both))
-    start(write(node("cmd_vel_gate") + node("push_to_move", ", remap: [{from: cmd_vel, to: led}]")))
-    start(write(node("cmd_vel_gate") + node("push_to_move", ", namespace: arm")))
+        start(skin_of("cmd_vel_gate", "push_to_move"))
+    for apart in ({"remappings": [("cmd_vel", "led")]}, {"namespace": "arm"}):
+        start(skin_of("cmd_vel_gate", ("push_to_move", {}, apart)))
+
+
+def test_a_node_that_cannot_be_made_is_refused_by_name():
+    with pytest.raises(ValueError, match=r"hold .*= inf: must be finite"):
+        start(skin_of((STOP, {"hold": math.inf})))
+    crossed = {"remappings": [("skin/stop", "skin/contacts")]}
+    with pytest.raises(LaunchError, match=r"/stop_on_push: .*/skin/contacts carries .*check remap"):
+        start(skin_of((STOP, {}, crossed)))
+
+
+def test_two_nodes_of_one_name_are_refused():
+    with pytest.raises(LaunchError, match="node /stop_on_push: there are two of this name"):
+        start(skin_of(STOP, STOP))
 
 
 @pytest.mark.parametrize("executable", ["cmd_vel_gate", "push_to_move"])
-def test_the_last_word_to_the_base_is_zero(write, executable):
+def test_the_last_word_to_the_base_is_zero(executable):
     seen, context = [], Context()
-    with launch(write(node(executable)), context=context) as skin:
+    with skin_of(executable, context=context) as skin:
         skin.node.create_subscription(Twist, "cmd_vel", seen.append, 100)
         skin.spin(0.1)
     assert len(seen) >= 2

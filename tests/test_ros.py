@@ -38,7 +38,7 @@ from tactile_skin.middleware.bus import (
     SingleThreadedExecutor,
 )
 from tactile_skin.middleware.package import COMPOSED, NODES
-from tactile_skin.middleware.plan import make_node
+from tactile_skin.middleware.plan import NodeAction, make_node
 from tactile_skin.middleware.ros import messages
 from tactile_skin.middleware.ros import node as ros_node
 from tactile_skin.middleware.ros.process import Process
@@ -361,7 +361,7 @@ def test_a_process_whose_executor_ends_by_an_exception_fails(stand_in, monkeypat
             raise RuntimeError("a type support that is missing")
         os.kill(os.getpid(), signal.SIGTERM)
 
-    monkeypatch.setattr(launch, "node_class", lambda *_: lambda node: None)
+    monkeypatch.setattr(NodeAction, "made_by", property(lambda _: lambda node: None))
     stand_in.work.put(work)
     assert ros.run("monitor", []) == status
 
@@ -519,7 +519,7 @@ class InProcess:
         self.executor.add_node(observer)
         for name in ("compensation", "gesture_feature", "stop_on_push"):
             handle = make_node(plan[name], self.context)
-            launch.node_class(plan[name].executable)(handle)
+            plan[name].made_by(handle)
             self.executor.add_node(handle)
 
     def _noter(self, topic):

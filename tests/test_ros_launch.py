@@ -25,7 +25,7 @@ KEYS = {  # entity -> (keys it must have, keys it may have)
     ),
     "include": ({"file"}, {"arg"} | ACTION),
 }
-TYPED = {"respawn": bool, "respawn_delay": float}  # as launch compares them: no text
+TYPED = {"respawn_delay": float}  # as launch compares it: no text; `respawn` is one
 NESTED = {  # (entity, key) -> keys of each map in its list
     ("node", "param"): [{"from"}, {"from", "allow_substs"}, {"name", "value"}],
     ("node", "remap"): [{"from", "to"}],
@@ -102,7 +102,7 @@ def test_ros_starts_each_process_of_a_skin_again():
     """But the monitor, which ends after its duration; our own launcher has none to start again."""
     path = share_dir() / "launch" / "nodes.launch.yaml"
     for node in (entity["node"] for entity in yaml.safe_load(path.read_text())["launch"]):
-        assert node.get("respawn", False) is (node["exec"] != "monitor")
+        assert node.get("respawn") == (None if node["exec"] == "monitor" else "true")
         assert node.get("respawn_delay", 1.0) > 0.0  # a wrong parameter ends it at once
 
 
@@ -132,8 +132,8 @@ def test_the_pages_yaml_fits_the_skin():
 
 def test_rviz_shows_topics_that_the_nodes_publish():
     """Each with a display for its type; the frame is the skin's."""
-    from tactile_skin import launch
     from tactile_skin.middleware.bus import Context, Node
+    from tactile_skin.middleware.package import node_class
 
     shown = yaml.safe_load((share_dir() / "config" / "skin.rviz").read_text())
     manager = shown["Visualization Manager"]
@@ -142,7 +142,7 @@ def test_rviz_shows_topics_that_the_nodes_publish():
     assert manager["Global Options"]["Fixed Frame"] == frame
     context = Context()
     for name in ("compensation", "gesture_feature", "push_arrow"):
-        launch.node_class(name)(Node(name, context=context))
+        node_class(name)(Node(name, context=context))
     kinds = {"Image": "Image", "PointCloud2": "PointCloud2", "Wrench": "WrenchStamped"}
     kinds["Polygon"] = "PolygonStamped"
     drawn = {}

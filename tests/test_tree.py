@@ -36,6 +36,7 @@ MAY = {
     "health board parameters middleware recording view",
     "launch": "files msg touch behaviours parameters middleware recording nodes",
     "ros": "files yaml_files msg parameters middleware nodes launch",
+    "opened": "physics touch behaviours board health parameters middleware",
     "replay": "extras msg parameters middleware physics recording nodes launch",
     "bench": None,  # everything but the command line
     "guide": "yaml_files physics solvers readings findings calibration health board middleware",
@@ -43,7 +44,7 @@ MAY = {
     "extras": "",
     "commands": None,  # so do these
     "cli": "arguments files commands",
-    "__init__": "physics solvers calibration findings health",
+    "__init__": "physics solvers calibration findings health opened",
     "__main__": "cli",
 }
 PURE = "physics readings touch behaviours body learning solvers findings calibration health"

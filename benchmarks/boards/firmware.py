@@ -13,6 +13,7 @@ from __future__ import annotations
 import time
 
 import numpy as np
+from support.chip import TAU
 from support.chips import AVR8JS
 from support.firmware import (
     CURVE,
@@ -27,7 +28,6 @@ from support.firmware import (
 
 from tactile_skin import Circuit, compensate, forward
 from tactile_skin.board.firmware import build
-from tactile_skin.board.firmware.chip import TAU
 from tactile_skin.board.protocol import BinaryParser
 from tactile_skin.simulation import scenes
 

@@ -30,16 +30,6 @@ def table(data: dict) -> str:
     return "\n".join(lines)
 
 
-def listing(faults) -> str:
-    """A Markdown table of faults: what docs/lab/reliability.md holds."""
-    lines = [_line("fault", "what happens", "must stop", "on"), "|---|---|---|---|"]
-    for fault in faults:
-        stop = "until it ends" if fault.live_again else "yes"
-        protocols = ", ".join(fault.protocols)
-        lines.append(_line(fault.name, fault.about, stop if fault.must_stop else "", protocols))
-    return "\n".join(lines)
-
-
 def _line(*words) -> str:
     return f"| {' | '.join(str(word) for word in words)} |"
 

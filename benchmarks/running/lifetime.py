@@ -15,11 +15,8 @@ import itertools
 import os
 import random
 import select
-import shutil
 import signal
-import tempfile
 import time
-from pathlib import Path
 
 from tactile_skin import cli, launch
 from tactile_skin.msg import Bool, Header, PointCloud2, Twist, Vector3, cloud
@@ -38,11 +35,14 @@ STOP, FREE = b"S", b"F"  # words of the hook
 SAYS_STOP, SAYS_FREE = b"s", b"f"  # of skin/stop
 STANDS, MOVES = b"z", b"m"  # of cmd_vel
 ENTERS = b"e"
-FILE = """launch:
-- executable: {cmd: sleep 600}
-- node: {pkg: tactile_skin, exec: stop_on_push, param: [{name: stale_after, value: 1.0}]}
-- node: {pkg: tactile_skin, exec: cmd_vel_gate}
-"""
+
+
+def made() -> launch.Skin:
+    """A stop, a gate, and a command that would outlive them."""
+    skin = launch.Skin(launch.Plan(commands=[["sleep", "600"]]))
+    skin.add("stop_on_push", {"stale_after": 1.0})
+    skin.add("cmd_vel_gate")
+    return skin
 
 
 # --- the process that is ended ---
@@ -77,11 +77,11 @@ def watch(skin, out: int, hang: bool = False) -> None:
     skin.node.create_timer(0.01, feel)
 
 
-def live(place: str, file: str, out: int, hang: bool) -> int:
+def live(place: str, out: int, hang: bool) -> int:
     """What a user's program does; returns its status."""
     os.write(out, ENTERS)
     if place == "command line":
-        plain = launch.Skin
+        plan, plain = made()._plan, launch.Skin
 
         class Watched(plain):
             def __enter__(self):
@@ -89,13 +89,13 @@ def live(place: str, file: str, out: int, hang: bool) -> int:
                 watch(self, out, hang)
                 return self
 
-        launch.Skin = Watched
-        return cli.main(["launch", file])
+        launch.Skin, launch.read_plan = Watched, lambda *_: plan
+        return cli.main(["launch"])
     if place == "never left":  # entered without `with`: the interpreter's end is the skin's
-        watch(launch.launch(file).__enter__(), out, hang)
+        watch(made().__enter__(), out, hang)
         while True:
             sum(range(1000))
-    with launch.launch(file) as skin:
+    with made() as skin:
         watch(skin, out, hang)
         if place == "spin":
             skin.spin()
@@ -194,9 +194,6 @@ def main(arguments=None) -> int:
     # A shell's background job ignores SIGINT, nohup SIGHUP; what they start inherits that.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
-    folder = Path(tempfile.mkdtemp())
-    file = folder / "lifetime.launch.yaml"
-    file.write_text(FILE)
     done, failed = [], 0
     for place, pattern, gap, early, pause in scenarios(args.runs, args.seed):
         words, out = os.pipe()
@@ -204,7 +201,7 @@ def main(arguments=None) -> int:
             os.close(words)
             os.dup2(os.open(os.devnull, os.O_RDWR), 0)
             os.dup2(os.open(args.log, os.O_WRONLY | os.O_APPEND), 2)
-            return live(place, str(file), out, args.hang)
+            return live(place, out, args.hang)
         os.close(out)
         row = end(pid, words, pattern, gap, early, pause)
         os.close(words)
@@ -213,7 +210,6 @@ def main(arguments=None) -> int:
         if row["bad"] or row["exit"] > EXIT_WITHIN:
             failed += 1
             print(f"{place}, {names} {1e3 * gap:.1f} ms apart, early {early}: {row}", flush=True)
-    shutil.rmtree(folder)
     exits = sorted(row["exit"] for row in done)
     starts = [row["start"] for row in done if row["start"] is not None]
     print(

@@ -7,13 +7,11 @@ three draw 60 times a second, one is asleep, one reads 20 kB a second. Prints p5
 both kinds of turn, and the median of the turns' p99: on a busy computer the bursts of others fall
 into a few turns. --bare: a third kind, with no node `view` at all, started and destroyed in
 turns.
---foxglove: in place of the pages an app that has subscribed to every topic of the node `foxglove`.
 """
 
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import json
 import multiprocessing
 import os
@@ -23,9 +21,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_skin.launch import Skin, find, node_class, read_plan
+from tactile_skin.launch import Skin, find, read_plan
 from tactile_skin.middleware.bus import Time
-from tactile_skin.middleware.package import FOXGLOVE
 from tactile_skin.middleware.plan import make_node
 from tactile_skin.msg import DiagnosticArray, Image
 
@@ -89,42 +86,17 @@ def pages(url: str, pipe) -> None:
         pipe.send(found)
 
 
-def app(url: str, pipe) -> None:
-    """An app of Foxglove that takes all topics, in turns; answers with its messages a second."""
-    from websockets.sync.client import connect
-
-    os.nice(19)
-    while pipe.recv() == "open":
-        with connect(url, subprotocols=["foxglove.sdk.v1"]) as socket:
-            while (said := json.loads(socket.recv()))["op"] != "advertise":
-                pass
-            ids = [channel["id"] for channel in said["channels"]]
-            wanted = [{"id": n, "channelId": n} for n in ids]
-            socket.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
-            pipe.send("it is open")
-            count, begun = 0, time.monotonic()
-            while not pipe.poll():
-                with contextlib.suppress(TimeoutError):
-                    socket.recv(0.1)
-                    count += 1
-            pipe.recv()  # "close"
-        pipe.send({"app": count / (time.monotonic() - begun)})
-
-
 class Page:
-    """The node `view`, or `foxglove`, of a skin, and who looks."""
+    """The node `view` of a skin, and who looks."""
 
     def __init__(self, skin: Skin, action):
         self._handle = make_node(action, skin._context)
-        self._view = node_class(action.kind)(self._handle)
+        self._view = action.made_by(self._handle)
         skin._executor.add_node(self._handle)
         self._pipe, theirs = SPAWN.Pipe()
-        live = action.kind == FOXGLOVE
-        self._pid = os.getpid() if live else self._view._page._process.pid
-        url = self._view.address if live else self._view._page.address
-        self._process = SPAWN.Process(
-            target=app if live else pages, args=(url, theirs), daemon=True
-        )
+        self._pid = self._view._page._process.pid
+        url = self._view._page.address
+        self._process = SPAWN.Process(target=pages, args=(url, theirs), daemon=True)
         self._process.start()
         self.open()
         self.shut()
@@ -154,21 +126,12 @@ def main(arguments=None) -> None:
     parser.add_argument("--turns", type=int, default=20, help="of each kind (default 20)")
     parser.add_argument("--seconds", type=float, default=3.0, help="of a turn (default 3)")
     parser.add_argument("--bare", action="store_true", help="turns without the node `view`, too")
-    parser.add_argument("--foxglove", action="store_true", help="Foxglove's server, no pages")
     args = parser.parse_args(arguments)
     kinds = ["no page", SHOWN] + ["no view"] * args.bare
-    arguments = {
-        "method": "auto",
-        "monitor": "false",
-        "view": "true",
-        "view_port": "0",
-        "foxglove": "true",
-    }
+    arguments = {"method": "auto", "monitor": "false", "view": "true", "view_port": "0"}
     plan = read_plan(find("demo.launch.yaml"), arguments)
-    actions = {a.kind: a for a in plan.nodes if a.kind in ("view", FOXGLOVE)}
-    for action in actions.values():
-        plan.nodes.remove(action)
-    action = actions[FOXGLOVE if args.foxglove else "view"]
+    (action,) = [a for a in plan.nodes if a.executable == "view"]
+    plan.nodes.remove(action)
     action.give({"port": 0})
     with Skin(plan) as skin:
         measure(skin, action, kinds, args)
@@ -224,9 +187,6 @@ def measure(skin: Skin, action, kinds: list[str], args) -> None:
             f"{1e3 * np.median(used[kind]):.2f} ms a reading"
         )
     print(f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
-    if args.foxglove:
-        print(f"the app: {np.mean([r['app'] for r in rates]):.0f} messages a second")
-        return
     for kind in ("drawn", "slow"):
         each = np.mean([r.get(kind, 0.0) for r in rates]) / (3 if kind == "drawn" else 1)
         print(f"a page that is {kind}: {each:.1f} snapshots a second")

@@ -32,6 +32,8 @@ options, name:=value; what is missing is asked, and Enter takes the value in bra
   readout      floating, loaded, grounded or virtual_ground: docs/boards.md has drawings
   driven       rows or columns (default rows)
   pull_up      true: each sense line has a resistor to the supply, as with INPUT_PULLUP
+  diode        forward voltage at 1 mA of a diode in each driven line [V]
+  adc_table    esp32: the board's converter is one
   r_ref        reference resistor [ohm]
   full_scale   what is printed of an input at the supply: 1023 of 10 bits, 5.0 of volts"""
 
@@ -47,6 +49,8 @@ _KINDS = {
     "readout": str,
     "driven": str,
     "pull_up": bool,
+    "diode": float,
+    "adc_table": str,
     "r_ref": float,
     "full_scale": float,
 }

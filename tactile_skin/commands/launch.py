@@ -38,16 +38,13 @@ def run(args) -> int:
             given = "... (must be given)" if argument.default is None else argument.default
             print(f"{argument.name}:={given}\n    {argument.description}")
         return 0
-    plan, file = plan_of(args.words)
-    if not plan.programs and not plan.commands:
-        raise ValueError(f"{file}: starts nothing: must have a node or an executable")
-    return spin(launch.Skin(plan))
+    return spin(launch.Skin(plan_of(args.words)))
 
 
 def plan_of(words: list[str], default: str = "", **given: str):
-    """Return the plan of a launch file, or of the default one, with its arguments; and the file."""
+    """Return the plan of a launch file, or of the default one, with its arguments."""
     file, arguments = _file_of(words, default)
-    return launch.read_plan(file, arguments | given), file
+    return launch.read_plan(file, arguments | given)
 
 
 def _file_of(words: list[str], default: str = ""):

@@ -38,7 +38,7 @@ def register(parser) -> None:
 
 def run(args) -> int:
     """Record until it ends."""
-    plan, _ = plan_of(args.words, "skin.launch.yaml", record=args.out)
+    plan = plan_of(args.words, "skin.launch.yaml", record=args.out)
     recorder = plan.programs[-1]
     for name in ("last", "max_duration", "max_size"):
         if (value := getattr(args, name)) is not None:

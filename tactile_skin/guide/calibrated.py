@@ -61,8 +61,8 @@ def write(path: Path, source: Path | None, guide: Guide, skin: SkinConfig) -> No
 
 def _given(source: Path | None) -> set[str]:
     """Names of the circuit's parameters that a file gives."""
-    sections = ParameterFile(source).sections.values() if source else ()
-    return {name.removeprefix("circuit.") for values in sections for name in values}
+    sections = ParameterFile(source).sections if source else ()
+    return {name.removeprefix("circuit.") for section in sections for name in section.values}
 
 
 def _points(curve: PressureCurve) -> dict:

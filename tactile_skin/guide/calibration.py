@@ -17,7 +17,7 @@ from ..calibration.curve_fit import FittedCurve, fit_curve
 from ..calibration.identify import Identified, identify
 from ..calibration.rest import Rest, measure_rest, supposing
 from ..calibration.touched import MOVED, stands_anew
-from ..health.doctor import ignored_diode, other_readout
+from ..health.doctor import other_readout
 from ..health.doctor.advice import HARDEST
 from ..physics.circuit import Circuit
 from ..physics.creep import Creep
@@ -198,8 +198,6 @@ class Guide:
             self.found = identify(touches, self._supposed, self.rest)
             self._say(f"  {self.found.message}")
         self._check_readout(touches)
-        if diode := ignored_diode(self.circuit, self.rest, np.array(touches)):
-            self._say(f"  {diode} Until then this calibration is wrong.")
         if not touches:
             self._say("  no touch was felt: what lies in series stays as it is configured.")
         elif self.found and self.found.missing:

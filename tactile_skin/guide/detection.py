@@ -24,6 +24,7 @@ _SCALES = (
     "1023 or 4095 of ADC steps or their means, 3.3 or 5 of volts, 3300 or 5000 of millivolts, 1 of "
     "ratios; resistances and forces cannot be read: print what the ADC reads"
 )
+_DIODE = 0.58  # V at 1 mA, of the commonest: a 1N4148 (data sheet)
 _R_PAR = {"loaded": PIN, "grounded": 0.0, "virtual_ground": 0.0}  # ohm
 
 # A question, and what reads its answer, by ValueError if it is none: it is asked again then.
@@ -42,8 +43,8 @@ def conclude(
     It is empty where nothing was recognised.
 
     Args:
-        given: answers that are known: port, readout, driven, pull_up, r_ref, r_par, r_drive,
-            full_scale.
+        given: answers that are known: port, readout, driven, pull_up, diode, adc_table, r_ref,
+            r_par, r_drive, full_scale.
         shape: (rows, cols), if it is known.
 
     Raises:
@@ -108,7 +109,8 @@ def _answers(seen: Seen, answers: dict, ask: Ask) -> dict:
     if "readout" not in answers:
         about = (
             f"wiring: {', '.join(READOUTS)}; with -columns behind if the columns are driven, "
-            "-pullup if readings fall [floating]: "
+            "-pullup if readings fall, -diodes if each driven line has one, -esp32 if the ADC is "
+            "an ESP32's [floating]: "
         )
         answers = ask(about, _wiring) | answers
     if "r_ref" not in answers:
@@ -126,10 +128,13 @@ def _wiring(typed: str) -> dict:
     readout, *ends = (typed or READOUTS[0]).split("-")
     if readout not in READOUTS:
         raise ValueError(f"wiring {readout!r}: must be one of {', '.join(READOUTS)}")
-    if strange := set(ends) - {"columns", "pullup"}:
-        raise ValueError(f"wiring -{strange.pop()}: must be -columns or -pullup")
-    driven = "columns" if "columns" in ends else DRIVEN[0]
-    return {"readout": readout, "driven": driven, "pull_up": "pullup" in ends}
+    if strange := set(ends) - {"columns", "pullup", "diodes", "esp32"}:
+        raise ValueError(f"wiring -{strange.pop()}: must be -columns, -pullup, -diodes or -esp32")
+    found: dict[str, Any] = {"readout": readout}
+    found["driven"] = "columns" if "columns" in ends else DRIVEN[0]
+    found |= {"diode": _DIODE} if "diodes" in ends else {}
+    found |= {"adc_table": "esp32"} if "esp32" in ends else {}
+    return found | {"pull_up": "pullup" in ends}
 
 
 def _number(name: str, text: str) -> float:
@@ -160,7 +165,8 @@ def _circuit(seen: Seen, answers: dict) -> dict:
         circuit["r_par"] = _R_PAR.get(readout, 0.0)
     if readout == "grounded":
         circuit["r_drive"] = PIN
-    circuit |= {name: answers[name] for name in ("r_par", "r_drive") if name in answers}
+    others = ("r_par", "r_drive", "diode", "adc_table")
+    circuit |= {name: answers[name] for name in others if name in answers}
     if answers.get("pull_up"):
         circuit["inverted"] = True
     skin_of({f"circuit.{name}": value for name, value in circuit.items()}, "")
@@ -194,9 +200,11 @@ def _text(found: Heard, answers: dict, circuit: dict, board: tuple) -> str:
         data["/**/stop_on_push"] = {"debounce": 0.01, "lead": 0.0}
     sections = {name: {"ros__parameters": values} for name, values in data.items()}
     how = "sure" if seen.sure else "NOT SURE: compare with the sketch"
+    diode = "# circuit.diode: as of a 1N4148; enter that of yours at 1 mA, and circuit.supply\n"
     return (
         f"# written by tactile-skin detect: {seen.about} ({how})\n"
         f"# what arrived: {shown(seen.sample or found.data, seen.text)}\n"
         "# geometry (where the skin is on the robot) is not stated: pushes have no direction\n"
+        + (diode if "diode" in circuit else "")
         + write_yaml(sections)
     )

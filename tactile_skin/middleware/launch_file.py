@@ -1,45 +1,35 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ROS 2's YAML launch format, as far as it is needed; what is unknown is refused by name."""
+"""The package's launch files in one process: what each of them starts.
+
+`ros2 launch` reads the same files by itself. Here a file says which arguments it takes, with their
+defaults and texts; which nodes they go to stands below.
+"""
 
 from __future__ import annotations
 
 import os
 import re
-import shlex
 import sys
+import tempfile
 import uuid
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from ..errors import FileError, LaunchError, did_you_mean
+from ..errors import FileError, LaunchError, is_unknown
 from ..files import shorten
 from ..yaml_files import parse_yaml, read_yaml
 from .bus import Parameter
-from .package import BODY, COMPOSED, FOXGLOVE, NODES, PACKAGE, RECORDER, share_dir
+from .package import BODY, COMPOSED, MONITOR, PACKAGE, RECORDER, VIEW, share_dir
 from .parameter_file import CONFIG, ELSEWHERE, SKINS, ParameterFile
-from .plan import Argument, NodeAction, Plan, with_skins
+from .plan import Argument, NodeAction, Plan, own_nodes
 
 RECORD = Argument("record", "", "MCAP file to record all topics to, or folder/ for such files")
-LIVE = Argument("foxglove", "false", "serve all topics to the Foxglove app")
-
-_PROCESS = {"output", "respawn", "respawn_delay", "on_exit"}  # of one that ROS starts: ignored
-_CONDITIONS = {"if", "unless"}
-_KEYS = {  # entity -> keys that it must have, others that it may have
-    "arg": ({"name"}, {"default", "description"}),
-    "let": ({"name", "value"}, set[str]()),
-    "node": ({"pkg", "exec"}, {"name", "namespace", "param", "remap"} | _CONDITIONS | _PROCESS),
-    "executable": ({"cmd"}, _PROCESS),
-    "include": ({"file"}, {"arg"} | _CONDITIONS),
-}
-_NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
+_GATE = "cmd_vel_gate"
+_SHARE = f"$(find-pkg-share {PACKAGE})"  # the only substitution in the default of an argument
 _NAMESPACE = re.compile(r"/?([A-Za-z_]\w*/?)*", re.ASCII)
-_TOPIC = re.compile(r"(~?/)?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
-_ALLOWED = {
-    _NAME: "of letters, digits and _",
-    _NAMESPACE: "names between slashes",
-    _TOPIC: "a topic",
-}
-_SUBSTITUTION = re.compile(r"\$\(([\w-]+)((?:\s+[^()\s]+)*)\)")
+_OF_VIEW = {"view_host": "host", "view_port": "port", "view_controls": "controls"}
+# arguments of skin.launch.yaml that are for its namespace, or for others than the program `skin`
+_NOT_OF_SKIN = {CONFIG, "namespace", "separate", VIEW, *_OF_VIEW}
 
 
 def read_arguments(path) -> list[Argument]:
@@ -48,249 +38,139 @@ def read_arguments(path) -> list[Argument]:
     Raises:
         LaunchError: as `read_plan`.
     """
-    reader = _Reader({}, starts=False)
-    reader.file(Path(path))
-    return [*reader.plan.arguments.values(), RECORD, LIVE]
+    return [*_arguments_of(_shipped(path)), RECORD]
 
 
 def read_plan(path, arguments: Mapping[str, object]) -> Plan:
-    """Read a launch file and fill in its arguments: texts, or what has the text of one.
+    """Return what a launch file of the package starts with these arguments, texts or values.
 
     Raises:
-        LaunchError: an unknown entity, key, substitution or argument, or a value that is missing.
+        LaunchError: another file, an unknown argument, or a value that is missing or not allowed.
     """
     if none := [name for name, value in arguments.items() if value is None]:
         raise LaunchError(f"argument {none[0]} = None: give a value, or leave it out")
+    name = _shipped(path)
     given = {name: str(value) for name, value in arguments.items()}
-    record, live = (given.pop(a.name, a.default) for a in (RECORD, LIVE))
-    reader = _Reader(dict(given))
-    reader.file(Path(path))
-    plan = reader.plan
+    plan = Plan(arguments={a.name: a for a in [*_arguments_of(name), RECORD]})
     if unknown := sorted(given.keys() - plan.arguments):
-        meant = did_you_mean(unknown[0], plan.arguments)
-        raise LaunchError(f"{path}: argument {unknown[0]!r} is unknown{meant}")
-    plan.arguments |= {a.name: a for a in (RECORD, LIVE)}
-    files = plan.files()  # an observer hears all nodes, and is given the files that they have
-    if _is_true(live, f"{path}: {LIVE.name}"):
-        plan.programs.append(NodeAction(FOXGLOVE, FOXGLOVE, "", [*files], [], Path(path)))
-    if record:
+        what = is_unknown(unknown[0], plan.arguments)
+        raise LaunchError(f"{path}: argument {unknown[0]!r} {what}")
+    for argument in plan.arguments.values():
+        if argument.default is None and argument.name not in given:
+            wanted = f"{argument.name}: give {argument.name}:=value"
+            raise LaunchError(f"{path}: {wanted}, {argument.description}")
+        given.setdefault(argument.name, argument.default or "")
+    record = given.pop(RECORD.name)
+    started = _Started(Path(path), given, plan)
+    _FILES[name](started)
+    for node in own_nodes(started.config):
+        plan.add(node)
+    if record:  # it hears all nodes, and is given the files that they have
         to = Parameter("path", record)
-        plan.programs.append(NodeAction(RECORDER, RECORDER, "", [*files, to], [], Path(path)))
+        plan.add(NodeAction(RECORDER, RECORDER, "", [*plan.files(), to], file=Path(path)))
     return plan
 
 
-class _Reader:
-    """Reads a launch file and what it includes.
+class _Started:
+    """What a launch file starts: its arguments filled in, and nodes that they are given to."""
 
-    As in ROS 2, an included file sees all arguments, and what is set stays.
+    def __init__(self, path: Path, given: dict[str, str], plan: Plan):
+        self.path, self.given, self.plan = path, given, plan
+        self.config = ParameterFile(given[CONFIG], own=True)
+        self._namespace = given.get("namespace", "")
+        if not _NAMESPACE.fullmatch(self._namespace):
+            where = f"{path}: namespace = {shorten(self._namespace)}"
+            raise LaunchError(f"{where}: must be names between slashes")
 
-    Args:
-        starts: whether the plan is to have nodes and commands, and not only arguments.
-    """
+    def wants(self, name: str) -> bool:
+        """Whether an argument is true."""
+        if (said := self.given[name].strip().lower()) not in ("true", "false", "1", "0"):
+            value = shorten(self.given[name])
+            raise LaunchError(f"{self.path}: {name} = {value}: must be true or false")
+        return said in ("true", "1")
 
-    def __init__(self, variables: dict[str, str], starts: bool = True):
-        self.plan = Plan()
-        self._starts = starts
-        self._variables = variables
-        self._set: set[str] = set()  # names that launch files themselves have set
-        self._anonymous: dict[str, str] = {}
-        self._parameter_files: dict[str, ParameterFile] = {}
-        self._including: list[Path] = []  # the file that is read is the last, those around it first
+    def node(self, executable: str, *names: str, **renamed: str) -> None:
+        """Start a node with the parameter file and, by their names, the arguments that are given.
 
-    def file(self, path: Path) -> None:
-        """Carry out the entities of a launch file."""
-        try:
-            data = read_yaml(path)
-        except OSError as error:
-            raise LaunchError(f"launch file {path}: {error.strerror}") from error
-        except FileError as error:
-            raise LaunchError(f"launch file {error}") from error
-        if any(path.resolve() == other.resolve() for other in self._including):
-            raise LaunchError(f"launch file {path}: includes itself, by {self._including[-1]}")
-        entities = data.get("launch") if isinstance(data, dict) and len(data) == 1 else None
-        if not isinstance(entities, list):
-            raise LaunchError(f"launch file {path}: must hold one list named launch")
-        self._including.append(path)
-        for entity in entities:
-            kind, body = _checked(entity, path)
-            where = f"{path}: {kind}"
-            if (self._starts or kind not in ("node", "executable")) and self._wanted(body, where):
-                getattr(self, f"_{kind}")(body, where)
-        self._including.pop()
-
-    def _wanted(self, body: dict, where: str) -> bool:
-        return all(
-            _is_true(self._text(body, key, where), f"{where}: {key}") is wish
-            for key, wish in (("if", True), ("unless", False))
-            if key in body
+        An empty text is that of an argument that was not given: what the file says holds.
+        """
+        parameters: list[ParameterFile | Parameter] = [self.config]
+        for name, parameter in (*zip(names, names, strict=True), *renamed.items()):
+            if text := self.given[name]:
+                parameters.append(Parameter(parameter, self._value(name, text)))
+        self.plan.add(
+            NodeAction(executable, executable, self._namespace, parameters, file=self.path)
         )
 
-    def _arg(self, body: dict, where: str) -> None:
-        name = self._named(body, "name", where, _NAME)
-        default = self._text(body, "default", where) if "default" in body else None
-        argument = Argument(name, default, str(body.get("description", "")))
-        if name not in self._set:
-            self.plan.arguments.setdefault(name, argument)
-        if name not in self._variables:
-            if default is None and self._starts:
-                raise LaunchError(f"{where}: {name} has no default: give {name}:=value")
-            self._variables[name] = default or ""
-
-    def _let(self, body: dict, where: str) -> None:
-        name = self._named(body, "name", where, _NAME)
-        self._variables[name] = self._text(body, "value", where)
-        self._set.add(name)
-
-    def _executable(self, body: dict, where: str) -> None:
-        text = self._text(body, "cmd", where)
+    def _value(self, name: str, text: str):
+        """Return the value of an argument: a text is read as YAML, as ROS 2 does."""
         try:
-            words = shlex.split(text)
-        except ValueError as error:  # an open quote
-            raise LaunchError(f"{where}: cmd = {shorten(text)}: {error}") from error
-        if not words or not words[0]:
-            raise LaunchError(f"{where}: cmd = {shorten(text)}: must name a program")
-        self.plan.commands.append(words)
-
-    def _include(self, body: dict, where: str) -> None:
-        for item in _items(body, "arg", {"name", "value"}, where):
-            self._let(item, f"{where}: arg")
-        self.file(Path(self._text(body, "file", where)))
-
-    def _node(self, body: dict, where: str) -> None:
-        package, executable = (self._text(body, key, where) for key in ("pkg", "exec"))
-        where = f"{where} {executable}"
-        if package == PACKAGE and executable not in (*NODES, COMPOSED):
-            raise LaunchError(f"{where}: exec: must be one of {', '.join((*NODES, COMPOSED))}")
-        action = NodeAction(executable, executable, file=self._including[-1], package=package)
-        if "name" in body:
-            action.name = self._named(body, "name", where, _NAME)
-        if "namespace" in body:
-            action.namespace = self._named(body, "namespace", where, _NAMESPACE)
-        for item in _items(body, "param", None, where):
-            if "from" in item:
-                action.parameters.append(self._parameter_file(item, "from", where))
-            elif item["name"] == CONFIG and package == PACKAGE:
-                action.parameters.append(self._parameter_file(item, "value", where))
-            elif (value := self._value(item, where)) != "":
-                action.parameters.append(Parameter(str(item["name"]), value))
-        for item in _items(body, "remap", {"from", "to"}, where):
-            source, to = (
-                self._named(item, key, f"{where}: remap", _TOPIC) for key in ("from", "to")
-            )
-            action.remappings.append((source, to))
-        self.plan.programs += [action] if action.kind == COMPOSED else with_skins(action)
-        for file in self._parameter_files.values() if action.kind == BODY else ():
-            if far := min(file.elsewhere, default=""):
-                raise LaunchError(
-                    f"{file.path}: {SKINS}: {far}: {ELSEWHERE} = true: other computers are heard "
-                    "on ROS only: ros2 launch tactile_skin body.launch.yaml"
-                )
-
-    def _parameter_file(self, item: dict, key: str, where: str) -> ParameterFile:
-        """Return the parameter file of this name; one serves all nodes."""
-        name = self._text(item, key, f"{where}: param")
-        if name not in self._parameter_files:
-            self._parameter_files[name] = ParameterFile(name, own=True)
-        return self._parameter_files[name]
-
-    def _value(self, item: dict, where: str):
-        """Return a parameter's value: a text is read as YAML, as ROS 2 does.
-
-        An empty text is that of an argument that was not given: what stands before it holds.
-        """
-        if not isinstance(item["value"], str):
-            return item["value"]
-        text = self._text(item, "value", where)
-        try:
-            given = f"{where}: param {item['name']} = {shorten(text)}"
-            return parse_yaml(text, given) if text else ""
+            return parse_yaml(text, f"{self.path}: {name} = {shorten(text)}")
         except FileError as error:
             raise LaunchError(str(error)) from error
 
-    def _named(self, body: dict, key: str, where: str, pattern: re.Pattern) -> str:
-        text = self._text(body, key, where)
-        if not pattern.fullmatch(text):
-            raise LaunchError(f"{where}: {key} = {shorten(text)}: must be {_ALLOWED[pattern]}")
-        return text
 
-    def _text(self, body: dict, key: str, where: str) -> str:
-        """Return the text of a value, its substitutions carried out."""
-        value = body[key]
-        if not isinstance(value, (str, int, float)):
-            raise LaunchError(f"{where}: {key} = {shorten(value)}: must be text or a number")
-        filled = _SUBSTITUTION.sub(self._substitute, str(value))
-        if "$(" in filled:
-            raise LaunchError(f"{where}: {key} = {shorten(value)}: $( is not understood")
-        return filled
+def _skin(started: _Started) -> None:
+    started.wants("separate")  # of processes, on ROS
+    started.node(COMPOSED, *(a for a in started.given if a not in _NOT_OF_SKIN))
+    if started.wants(VIEW):
+        started.node(VIEW, "use_sim_time", **_OF_VIEW)
 
-    def _substitute(self, found: re.Match) -> str:
-        path = self._including[-1]
-        match [found[1], *found[2].split()]:
-            case ["var", name]:
-                if name not in self._variables:
-                    known = ", ".join(self._variables) or "none"
-                    raise LaunchError(f"{path}: $(var {name}): not known here; there are: {known}")
-                return self._variables[name]
-            case ["env", name, *default] if len(default) <= 1:
-                if (there := os.environ.get(name, *default)) is None:
-                    raise LaunchError(f"{path}: $(env {name}): not set, and no default given")
-                return there
-            case ["dirname"]:
-                return str(path.resolve().parent)
-            case ["anon", name]:
-                unique = f"{name}_{os.getpid()}_{uuid.uuid4().hex[:8]}"
-                return self._anonymous.setdefault(name, unique)
-            case ["find-pkg-share", package] if package == PACKAGE:
-                return str(share_dir())
-            case ["exec-in-pkg", "tactile-skin", package] if package == PACKAGE:
-                return f"{shlex.quote(sys.executable)} -m {PACKAGE}"
+
+def _demo(started: _Started) -> None:
+    link = f"{tempfile.gettempdir()}/skin_{os.getpid()}_{uuid.uuid4().hex[:8]}/board"
+    sim = [sys.executable, "-m", PACKAGE, "sim", "--once", f"--link={link}"]
+    plays = f"--scene={started.given.pop('scene')}", f"--{CONFIG}={started.given[CONFIG]}"
+    started.plan.commands.append([*sim, *plays])
+    started.given |= {"port": link, "wait_for_port": "15.0"}
+    _skin(started)
+
+
+def _body(started: _Started) -> None:
+    if far := min(started.config.elsewhere, default=""):
         raise LaunchError(
-            f"{path}: {found[0]}: not understood; must be $(var x), $(env X [default]), $(dirname),"
-            f" $(anon x), $(find-pkg-share {PACKAGE}) or $(exec-in-pkg tactile-skin {PACKAGE})"
+            f"{started.config.path}: {SKINS}: {far}: {ELSEWHERE} = true: other computers are heard "
+            "on ROS only: ros2 launch tactile_skin body.launch.yaml"
         )
+    started.node(BODY, "wait_for_port", "method", "separate")
+    if started.wants(_GATE):
+        started.node(_GATE, "stamped")
+    if started.wants(MONITOR):
+        started.node(MONITOR, "stamped", "duration")
+    if started.wants(VIEW):
+        started.node(VIEW, **_OF_VIEW)
 
 
-def _checked(entity, path: Path) -> tuple[str, dict]:
-    """Return an entity's kind and keys, which are understood and complete."""
-    if not isinstance(entity, dict) or len(entity) != 1:
-        raise LaunchError(f"{path}: {shorten(entity)}: must be one of {', '.join(_KEYS)}")
-    ((kind, body),) = entity.items()
-    if kind not in _KEYS:
-        raise LaunchError(f"{path}: {kind}: not understood; must be one of {', '.join(_KEYS)}")
-    _check_keys(body, *_KEYS[kind], f"{path}: {kind}")
-    return kind, body
+_FILES: dict[str, Callable[[_Started], None]] = {
+    "skin.launch.yaml": _skin,
+    "demo.launch.yaml": _demo,
+    "body.launch.yaml": _body,
+}
 
 
-def _items(body: dict, key: str, keys: set[str] | None, where: str) -> list[dict]:
-    """Return a list of maps, each with these keys; None: those of a parameter."""
-    items = body.get(key, [])
-    if not isinstance(items, list):
-        raise LaunchError(f"{where}: {key} = {shorten(items)}: must be a list of maps")
-    for item in items:
-        from_file = isinstance(item, dict) and "from" in item
-        _check_keys(
-            item,
-            keys or ({"from"} if from_file else {"name", "value"}),
-            set(),
-            f"{where}: {key} {shorten(item)}",
-        )
-    return items
+def _arguments_of(name: str) -> list[Argument]:
+    """Return the arguments that a file of the package declares, and those of what it includes."""
+    path = share_dir() / "launch" / name
+    entities = read_yaml(path)["launch"]
+    found = [
+        Argument(a["name"], a.get("default"), a["description"])
+        for a in (entity["arg"] for entity in entities if "arg" in entity)
+    ]
+    for argument in found:
+        if argument.default is not None:
+            argument.default = argument.default.replace(_SHARE, str(share_dir()))
+    for include in (e["include"] for e in entities if name.startswith("demo") and "include" in e):
+        said = {a.name for a in found} | {a["name"] for a in include["arg"]}
+        found += [a for a in _arguments_of(Path(include["file"]).name) if a.name not in said]
+    return found
 
 
-def _check_keys(body, needed: set[str], optional: set[str], where: str) -> None:
-    if not isinstance(body, dict):
-        raise LaunchError(f"{where}: must map keys to values")
-    known = needed | optional
-    if unknown := sorted(body.keys() - known):
+def _shipped(path) -> str:
+    """Return the name of a launch file that is the package's own."""
+    name = Path(path).name
+    if name not in _FILES or Path(path).resolve() != (share_dir() / "launch" / name).resolve():
         raise LaunchError(
-            f"{where}: key {unknown[0]!r} is not understood; "
-            f"must be one of {', '.join(sorted(known))}"
+            f"launch file {path}: must be {', '.join(_FILES)} of the package: ros2 launch starts "
+            "others; nodes of your own stand under `nodes` of the config, or come by skin.add()"
         )
-    if missing := sorted(needed - body.keys()):
-        raise LaunchError(f"{where}: needs the key {missing[0]!r}")
-
-
-def _is_true(text: str | None, where: str) -> bool:
-    if (said := str(text).strip().lower()) not in ("true", "false", "1", "0"):
-        raise LaunchError(f"{where} = {shorten(text)}: must be true or false")
-    return said in ("true", "1")
+    return name

@@ -35,8 +35,7 @@ SOURCES = {  # topic -> the node that publishes it from its start on
 BODY = "body"  # the node of several skins: who starts it starts their nodes as well
 VIEW = "view"  # it shows one skin, or those of a body; so does
 MONITOR = "monitor"
-RECORDER = "recorder"  # of any launch file, but not on ROS; so is
-FOXGLOVE = "foxglove"
+RECORDER = "recorder"  # of any launch file, but not on ROS
 COMPOSED = "skin"  # the program of a skin's nodes
 # Its nodes, in the way of the data, and whether they run unless a parameter says so.
 PARTS = {
@@ -46,8 +45,7 @@ PARTS = {
     "push_to_move": False,
     "monitor": False,
 }
-_OBSERVERS = {RECORDER: "observers.recorder.RecorderNode", FOXGLOVE: "observers.foxglove.Foxglove"}
-CLASSES = NODES | _OBSERVERS
+CLASSES = NODES | {RECORDER: "observers.recorder.RecorderNode"}
 
 
 def share_dir() -> Path:
@@ -68,27 +66,27 @@ def find(path) -> Path:
     return shipped if bare and shipped.is_file() else Path(path)
 
 
-def node_class(executable: str, package: str = PACKAGE, file: object = "launch file") -> type:
-    """Return the class of a node: one of ours, or one in a module of a user's, that a file names.
+def node_class(executable: str, file: object = "launch file") -> type:
+    """Return the class of a node: one of ours by its name, or module.Class of a user's.
 
     Raises:
         LaunchError: the module cannot be imported, or has no such class.
     """
-    module, name = package, executable
-    if package == PACKAGE:
-        module, name = f"{PACKAGE}.nodes.{CLASSES[executable]}".rsplit(".", 1)
-    where = f"{file}: node {package}/{executable}"
+    ours = executable in CLASSES
+    full = f"{PACKAGE}.nodes.{CLASSES[executable]}" if ours else executable
+    module, _, name = full.rpartition(".")
+    where = f"{file}: node {executable}"
     try:
         found = importlib.import_module(module)
     except (ImportError, TypeError, ValueError) as error:  # the latter of a name that is none
         raise LaunchError(
-            f"{where}: pkg: must be {PACKAGE} or a Python module: importing {module} failed: "
-            f"{error}; other programs are started by executable"
+            f"{where}: must be module.Class or one of {', '.join(NODES)}: importing {module!r} "
+            f"failed: {error}"
         ) from error
     kind = getattr(found, name, None)
     if not isinstance(kind, type):
         own = [n for n, v in vars(found).items() if isinstance(v, type)]
         own = [n for n in own if vars(found)[n].__module__ == found.__name__]
         there = ", ".join(own) or "none"
-        raise LaunchError(f"{where}: exec: {module} has no class {name!r}; there are: {there}")
+        raise LaunchError(f"{where}: {module} has no class {name!r}; there are: {there}")
     return kind

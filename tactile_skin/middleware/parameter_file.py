@@ -3,13 +3,12 @@
 
 from __future__ import annotations
 
-import difflib
-import functools
 import re
 from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
-from ..errors import FileError, ParameterError, did_you_mean
+from ..errors import SUCCESSORS, FileError, ParameterError
 from ..files import shorten
 from ..yaml_files import read_yaml
 from .bus import Parameter
@@ -20,22 +19,55 @@ SHARED = ("circuit", "curve", "geometry")  # parameters that several nodes read
 THEIRS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 SKINS = "skins"  # key of the skins of a body, not of a node
 ELSEWHERE = "elsewhere"  # key of a skin whose nodes run on another computer
+OWN_NODES = "nodes"  # key of the nodes of a user's that run beside the skin's
 CONFIG = "config"  # parameter of a program: its parameter file, which must be there
 _PORT = "port"  # of a skin's board
 _OF_SKIN = (*SHARED, "frame_id", _PORT)  # what a skin of a body may state of itself
+_OF_NODE: dict[str, type] = {  # key of a node of a user's -> what it is
+    "class": str,  # module.Class; the others may be left out
+    "name": str,
+    "namespace": str,
+    "parameters": dict,
+    "remap": dict,
+}
 _SKIN_NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
-_MISSPELT = 0.85  # ratio of difflib: `motor` is another node than `monitor`, `stop_on_psh` is none
+
+
+@dataclass(frozen=True)
+class Section:
+    """Parameters of a file, and the nodes that they are for.
+
+    Attributes:
+        name: as the file has it, the file in front.
+        namespace: of the node; None: any.
+        node: its name; "": all nodes.
+        values: parameter -> value.
+        of_skin: it stands under `skins`.
+    """
+
+    name: str
+    namespace: str | None
+    node: str
+    values: dict
+    of_skin: bool = False
+
+    def concerns(self, full_name: str) -> bool:
+        """Whether it is for the node of this full name."""
+        space, _, name = full_name.strip("/").rpartition("/")
+        return self.namespace in (None, space) and self.node in ("", name)
 
 
 class ParameterFile:
     """A ROS 2 parameter file: ``node_name: {ros__parameters: {...}}``, ``/**`` for every node.
 
-    As in rclpy, sections may stand within namespaces, and ``*`` in a section's name stands for one
-    name, ``**`` for any number of them: ``/**/stop_on_push`` is the node in any namespace.
+    Each is for every node, ``/**``; for a node in any namespace, ``/**/stop_on_push``; or for the
+    one of this full name, which may stand within its namespace.
 
     ``skins:`` names those of a body. What a skin has, circuit, curve, geometry, port and the
     parameters of nodes by their names, is for the nodes in its namespace, and wins over what its
     own file says, which it names as ``config``. ``elsewhere: true``: another computer runs them.
+
+    ``nodes:`` lists nodes of a user's for the same process, each with its ``class`` in a module.
 
     Args:
         own: it is the skin's own, named as its `config`: all of it must be known. Another may serve
@@ -43,8 +75,9 @@ class ParameterFile:
 
     Attributes:
         skins: their names.
+        nodes: of a user's: the keys of _OF_NODE, of which `class` is there.
         elsewhere: of those of them that another computer runs.
-        sections: full name, such as "/left/stop_on_push" -> {parameter: value}.
+        sections: what they are given; the later wins.
 
     Raises:
         FileError: not such a file, or none; the message names the file and the key.
@@ -59,17 +92,29 @@ class ParameterFile:
         if not (isinstance(data, dict) and data):
             what = f"holds {shorten(data)}" if data else "is empty"
             raise FileError(f"{path}: {what}: must map node names to ros__parameters")
-        self.sections: dict[str, dict] = {}
-        self._names: dict[str, str] = {}  # full name -> as the file has it
+        self.sections: list[Section] = []
         skins = data.pop(SKINS, {})
+        listed = data.pop(OWN_NODES, [])
+        if not isinstance(listed, list):
+            raise FileError(f"{path}: {OWN_NODES} = {shorten(listed)}: must be a list of maps")
+        self.nodes = [self._own_node(node) for node in listed]
         for name, section in data.items():
             self._read(name, section)
         if not isinstance(skins, dict):
             raise FileError(f"{path}: {SKINS} = {shorten(skins)}: must map names to skins")
         self.skins, self.elsewhere = tuple(skins), set[str]()
-        self._of_skins: set[str] = set()  # names of sections
         for name, given in skins.items():
             self._read_skin(name, given)
+
+    def _own_node(self, given) -> dict:
+        where = f"{self.path}: {OWN_NODES}: {shorten(given)}"
+        if not isinstance(given, dict) or "class" not in given:
+            raise FileError(f"{where}: must be a list of maps, each with class: module.Class")
+        for key, value in given.items():
+            if key not in _OF_NODE or not isinstance(value, _OF_NODE[key]):
+                known = ", ".join(f"{name} ({kind.__name__})" for name, kind in _OF_NODE.items())
+                raise FileError(f"{where}: {key}: must be one of {known}")
+        return given | {"parameters": _flat(given.get("parameters", {}), where)}
 
     def _read(self, name: str, section) -> None:
         below = section if isinstance(section, dict) else {}
@@ -84,12 +129,23 @@ class ParameterFile:
             raise FileError(
                 f"{self.path}: {name}: must hold ros__parameters and nothing else{hint}"
             )
-        full = "/" + name.strip("/")
-        if full in self._names:
-            raise FileError(f"{self.path}: {name}: is the section {self._names[full]} again")
+        where = f"{self.path}: {name}"
+        namespace, _, node = name.strip("/").rpartition("/")
+        any_of_name = namespace == "**" or name == "/**"
+        ours = self.own or node in CLASSES or "*" in node
+        if ours and "*" in (name.removeprefix("/**") if any_of_name else name):
+            raise FileError(
+                f"{where}: must be /**, /**/NODE or a node's full name; the skins of a body stand "
+                f"under {SKINS}"
+            )
         values = section["ros__parameters"]
-        self._names[full] = name
-        self.sections[full] = _flat({} if values is None else values, f"{self.path}: {name}")
+        flat = _flat({} if values is None else values, where)
+        read = Section(where, None if any_of_name else namespace, node.removeprefix("**"), flat)
+        for other in self.sections:
+            if (other.namespace, other.node) == (read.namespace, read.node):
+                other_name = other.name.removeprefix(f"{self.path}: ")
+                raise FileError(f"{where}: is the section {other_name} again")
+        self.sections.append(read)
 
     def _read_skin(self, name: str, given) -> None:
         """Take a skin of the body as sections of its namespace."""
@@ -113,36 +169,27 @@ class ParameterFile:
                 shared |= _flat({key: value}, where)
             else:
                 known = ", ".join((*_OF_SKIN, CONFIG, ELSEWHERE, *SKIN_NODES))
-                raise FileError(
-                    f"{where}: {key}: must be one of {known}{did_you_mean(key, _OF_SKIN)}"
-                )
+                raise FileError(f"{where}: {key}: must be one of {known}")
         if file := given.get(CONFIG):
             own = ParameterFile(self.path.parent / str(file), own=True)
             if own.skins:
                 raise FileError(f"{where}: {file}: must be one skin's, and holds {SKINS}")
-            for section, values in own.sections.items():
-                self._take(f"/{name}/**{section}", f"{where}: {own.name_of(section)}", values)
-        self._take(f"/{name}/*", where, shared)  # later, and so it wins
+            self.sections += [
+                Section(f"{where}: {one.name}", name, one.node, one.values, True)
+                for one in own.sections
+                if not one.namespace
+            ]
+        self.sections.append(Section(where, name, "", shared, True))  # later, and so it wins
         for node, values in nodes.items():
-            self._take(f"/{name}/{node}", f"{where}: {node}", values)
-
-    def _take(self, section: str, where: str, values: dict) -> None:
-        self._of_skins.add(section)
-        self._names[section] = where.removeprefix(f"{self.path}: ")
-        self.sections[section] = values
-
-    def name_of(self, section: str) -> str:
-        """Return a section as the file has it, for messages."""
-        return f"{self.path}: {self._names[section]}"
+            self.sections.append(Section(f"{where}: {node}", name, node, values, True))
 
     def overrides(self, *nodes: str) -> list[Parameter]:
         """Return what the file says for a node and its programs; what comes later in it wins."""
         found: dict[str, Parameter] = {}
-        for section, values in self.sections.items():
-            if any(concerns(section, name) for name in nodes):
-                of_skin = section in self._of_skins
-                source = self.name_of(section) if of_skin else str(self.path)
-                found |= {key: Parameter(key, value, source) for key, value in values.items()}
+        for section in self.sections:
+            if any(section.concerns(name) for name in nodes):
+                source = section.name if section.of_skin else str(self.path)
+                found |= {k: Parameter(k, value, source) for k, value in section.values.items()}
         return list(found.values())
 
     def check(
@@ -163,27 +210,28 @@ class ParameterFile:
         if not self.own:  # it may also be for a program that runs elsewhere
             programs = [*programs, COMPOSED]
         known |= dict.fromkeys(programs, everyone | NODES.keys())
-        known |= dict.fromkeys(_WILDCARDS, None if None in known.values() else everyone)
-        lasts = [last_of(section) for section in self.sections]
-        foreign = not known.keys() & set(lasts)
-        for last, (section, values) in zip(lasts, self.sections.items(), strict=True):
-            where = self.name_of(section)
-            if last not in known:
-                if self.own or foreign or _misspelt(last, known):
-                    raise ParameterError(f"{where}: no such node{did_you_mean(last, known)}")
+        said_later = None in known.values()
+        foreign = not any(section.node in {"", *known} for section in self.sections)
+        for section in self.sections:
+            if section.node and section.node not in known:
+                if self.own or foreign:
+                    there = f"no such node; there are: {', '.join(sorted(known))}"
+                    what = SUCCESSORS.get(section.node, there)
+                    raise ParameterError(f"{section.name}: {what}")
                 continue
-            of_any = section in self._of_skins and last in _WILDCARDS  # of its nodes, all known
-            if (allowed := everyone if of_any else known[last]) is None:
+            allowed = known[section.node] if section.node else everyone
+            if allowed is None or (not section.node and said_later and not section.of_skin):
                 continue
-            for name in unknown_of(values, allowed):
-                of_skin = last not in _WILDCARDS or self.own or name.split(".")[0] in SHARED
-                if of_skin or _misspelt(name, allowed):
-                    raise ParameterError(unknown_parameter(where, name, allowed))
+            for name in unknown_of(section.values, allowed):
+                lacks_group = any(other.endswith(f".{name}") for other in allowed)
+                of_skin = section.node or self.own or name.split(".")[0] in SHARED
+                if of_skin or lacks_group:
+                    raise ParameterError(unknown_parameter(section.name, name, allowed))
 
     def check_skin(self, node: str) -> None:
         """Refuse a body's file for the node of a skin that it does not name."""
         of_one = self.skins and last_of(node) in SKIN_NODES
-        if of_one and not any(concerns(section, node) for section in self._of_skins):
+        if of_one and not any(s.of_skin and s.concerns(node) for s in self.sections):
             raise ParameterError(
                 f"{self.path}: {SKINS}: {', '.join(self.skins)}: is the file of a body, and {node} "
                 "is of none of them: launch body.launch.yaml, or give the file of one skin"
@@ -197,12 +245,11 @@ class ParameterFile:
         self.check_skin(node)
         for full in (node, *programs):
             name = last_of(full)
-            alike = [s for s in self.sections.keys() - self._of_skins if last_of(s) == name]
-            if alike and not any(concerns(section, full) for section in alike):
-                found = " and ".join(self._names[section] for section in alike)
+            alike = [s for s in self.sections if s.node == name and not s.of_skin]
+            if alike and not any(section.concerns(full) for section in alike):
                 raise ParameterError(
-                    f"{self.path}: {found}: is not for the node {full}: "
-                    f"must be /**/{name}, for any namespace, or {full}"
+                    f"{' and '.join(section.name for section in alike)}: is not for the node {full}"
+                    f": must be /**/{name}, for any namespace, or {full}"
                 )
 
 
@@ -217,28 +264,10 @@ def unknown_of(names: Iterable[str], known: Collection[str]) -> list[str]:
 
 
 def unknown_parameter(where: str, name: str, known: Collection[str]) -> str:
-    """Return the message that refuses a parameter which nothing has."""
-    return f"{where}: parameter {name!r} is unknown{did_you_mean(name, known)}"
-
-
-def _misspelt(name: str, known: Collection[str]) -> bool:
-    """Whether a name must be meant for a known one: it resembles it, or lacks its group."""
-    lacks_group = any(other.endswith(f".{name}") for other in known)
-    return lacks_group or bool(difflib.get_close_matches(name, known, n=1, cutoff=_MISSPELT))
-
-
-_WILDCARDS = {"*": r"(/\w+)", "**": r"(/\w+)*"}  # as rcl_yaml_param_parser has them
-
-
-@functools.cache
-def _pattern(section: str) -> re.Pattern:
-    names = section.strip("/").split("/")
-    return re.compile("".join(_WILDCARDS.get(name, "/" + re.escape(name)) for name in names))
-
-
-def concerns(section: str, node: str) -> bool:
-    """Whether a section of this full name is for the node of that one."""
-    return _pattern(section).fullmatch("/" + node.strip("/")) is not None
+    """Return the message that refuses a parameter which nothing has, with those of its group."""
+    group = name.rpartition(".")[0]
+    near = [k for k in known if k.rpartition(".")[0] == group or k.endswith(f".{name}")]
+    return f"{where}: parameter {name!r} is unknown; there are: {', '.join(sorted(near or known))}"
 
 
 def _flat(tree, where: str, under: str = "") -> dict:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a launch file or a program of ROS asks for: nodes, commands, and what nodes are given.
+"""What is to be started: nodes, commands, and what nodes are given.
 
 What is wrong names the file.
 """
@@ -7,7 +7,7 @@ What is wrong names the file.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -16,7 +16,17 @@ from typing import Any
 from ..errors import LaunchError, ParameterError, TopicTypeError
 from ..msg import Twist, TwistStamped
 from .bus import Context, Node, Parameter
-from .package import BODY, CLASSES, COMPOSED, MONITOR, NODES, PACKAGE, PARTS, SKIN_NODES, VIEW
+from .package import (
+    BODY,
+    CLASSES,
+    COMPOSED,
+    MONITOR,
+    NODES,
+    PARTS,
+    SKIN_NODES,
+    VIEW,
+    node_class,
+)
 from .parameter_file import (
     SHARED,
     THEIRS,
@@ -43,20 +53,30 @@ class Argument:
 
 @dataclass
 class NodeAction:
+    """A node to be started.
+
+    Attributes:
+        executable: which one: a name in CLASSES, `skin`, or module.Class of a user's.
+    """
+
     executable: str
     name: str
     namespace: str = ""
     parameters: list[ParameterFile | Parameter] = field(default_factory=list)  # the last wins
     remappings: list[tuple[str, str]] = field(default_factory=list)
-    file: Path = Path()  # the launch file
-    package: str = PACKAGE
+    file: Path = Path()  # that asks for it, for messages
     programs: tuple[str, ...] = ()  # full names of what runs it: what is for them is for it
+    given_class: type | None = None  # of a user's node that is no text
 
     @property
-    def kind(self) -> str:
-        """Which node it is: a name in NODES, or package/executable of a user's."""
-        own = self.package == PACKAGE
-        return self.executable if own else f"{self.package}/{self.executable}"
+    def ours(self) -> bool:
+        """Whether it is one of the package's nodes."""
+        return self.executable in CLASSES
+
+    @property
+    def made_by(self) -> type:
+        """The class of the node (LaunchError: there is none)."""
+        return self.given_class or node_class(self.executable, self.file)
 
     @property
     def full_name(self) -> str:
@@ -99,7 +119,7 @@ class NodeAction:
 
 @dataclass
 class Plan:
-    """What a launch file, with its arguments filled in, asks for.
+    """What a launch file, with its arguments filled in, starts.
 
     Attributes:
         programs: nodes, and what stands for several: `skin`.
@@ -116,13 +136,53 @@ class Plan:
         """The nodes; to know those of `skin` takes the import of SciPy, half of a skin's start."""
         return [node for program in self.programs for node in _nodes_of(program)]
 
+    def add(self, node: NodeAction) -> None:
+        """Start another node, or what stands for several."""
+        added = [node] if node.executable == COMPOSED else with_skins(node)
+        self.programs += added
+        if "nodes" in vars(self):
+            self.nodes += [one for program in added for one in _nodes_of(program)]
+
     def files(self) -> list[ParameterFile]:
         """Return each parameter file that a node is given, once."""
         return list(dict.fromkeys(file for action in self.programs for file in action.files()))
 
 
+def user_node(
+    node: type | str,
+    name: str,
+    namespace: str,
+    parameters: Mapping[str, Any],
+    remappings: Iterable[tuple[str, str]],
+    files: Sequence[ParameterFile] = (),
+) -> NodeAction:
+    """Return a node that a user adds: a class, module.Class, or the name of one of ours."""
+    kind = node if isinstance(node, str) else f"{node.__module__}.{node.__qualname__}"
+    action = NodeAction(kind, name or kind.rpartition(".")[2], namespace, [*files])
+    action.remappings = list(remappings)
+    action.file = files[0].path if files else Path("skin.add")
+    action.given_class = node if isinstance(node, type) else None
+    action.give(parameters)
+    return action
+
+
+def own_nodes(file: ParameterFile) -> list[NodeAction]:
+    """Return the nodes of a user's that a parameter file lists under `nodes`."""
+    return [
+        user_node(
+            asked["class"],
+            asked.get("name", ""),
+            asked.get("namespace", ""),
+            asked["parameters"],
+            asked.get("remap", {}).items(),
+            [file],
+        )
+        for asked in file.nodes
+    ]
+
+
 def _nodes_of(program: NodeAction) -> list[NodeAction]:
-    if program.kind != COMPOSED:
+    if program.executable != COMPOSED:
         return [program]
     return [node for part in parts_of(program) for node in with_skins(part)]
 
@@ -150,7 +210,9 @@ def _shared_out(program: NodeAction, kinds, others=()) -> dict[str, list]:
 
     has = {kind: all_names(kind) for kind in kinds}
     known = frozenset(others).union(*has.values())
-    _refuse_unknown(f"{program.file}: {program.kind}", [p.name for p in program.singles()], known)
+    _refuse_unknown(
+        f"{program.file}: {program.executable}", [p.name for p in program.singles()], known
+    )
     return {
         kind: [
             p
@@ -166,7 +228,7 @@ def with_skins(action: NodeAction) -> list[NodeAction]:
 
     A node in the namespace of a skin is of that one alone.
     """
-    if action.kind not in _OF_SKINS:
+    if action.executable not in _OF_SKINS:
         return [action]
     files = action.files()
     above = f"{action.namespace}/".lstrip("/")
@@ -174,7 +236,7 @@ def with_skins(action: NodeAction) -> list[NodeAction]:
     if action.namespace.strip("/") in skins:
         return [action]
     spaces = {name: f"{above}{name}" for name in skins}
-    nodes = _of_body(action, files, spaces) if action.kind == BODY else []
+    nodes = _of_body(action, files, spaces) if action.executable == BODY else []
     given = [*action.parameters]
     if spaces:
         action.give({"skins": list(spaces)})
@@ -183,7 +245,7 @@ def with_skins(action: NodeAction) -> list[NodeAction]:
         action.parameters += [
             Parameter(f"{name}.{key}", value, str(file.path))
             for key, value in has
-            if key.split(".")[0] in _OF_SKINS[action.kind]
+            if key.split(".")[0] in _OF_SKINS[action.executable]
         ]
     return [*nodes, action]
 
@@ -199,7 +261,7 @@ def _of_body(body: NodeAction, files: list[ParameterFile], spaces: dict) -> list
         for name, space in spaces.items()
         for kind in (() if name in elsewhere else SKIN_NODES)
     ]
-    _check_boards({a.namespace: a.values() for a in nodes if a.kind == SKIN_NODES[0]})
+    _check_boards({a.namespace: a.values() for a in nodes if a.executable == SKIN_NODES[0]})
     body.parameters = own[BODY]
     return nodes
 
@@ -239,9 +301,9 @@ def by_thread(nodes: list[NodeAction], handles: list[Node]) -> list[list[Node]]:
     """Return the nodes by thread: a skin's compensation and its features share one."""
     groups: dict = {}
     for action, handle in zip(nodes, handles, strict=True):
-        shared = action.kind in _ONE_THREAD
+        shared = action.executable in _ONE_THREAD
         key = handle.get_namespace() if shared else handle.get_fully_qualified_name()
-        groups.setdefault((shared, key), []).append((action.kind, handle))
+        groups.setdefault((shared, key), []).append((action.executable, handle))
     order = {name: k for k, name in enumerate(NODES)}  # a user's node has its own thread
     return [
         [handle for _, handle in sorted(group, key=lambda item: order.get(item[0], 0))]
@@ -277,11 +339,11 @@ def check_parameters(plan: Plan, names: Mapping[str, frozenset[str] | None]) -> 
     programs = {last_of(name) for action in plan.nodes for name in action.programs}
     for file in plan.files():
         file.check(lasts, programs)
-        for section, values in file.sections.items():
-            shared = [name for name in values if name.split(".")[0] in SHARED]
-            if last_of(section) in CLASSES and shared:
+        for section in file.sections:
+            shared = [name for name in section.values if name.split(".")[0] in SHARED]
+            if section.node in CLASSES and shared:
                 raise LaunchError(
-                    f"{file.name_of(section)}: {shared[0]}: belongs under /**, since "
+                    f"{section.name}: {shared[0]}: belongs under /**, since "
                     "several nodes must agree on it"
                 )
 

@@ -7,7 +7,11 @@ import contextlib
 import gc
 import sys
 import threading
+import time
+from collections.abc import Callable, Iterable
+from typing import Any
 
+_CLOSE_WITHIN = 0.1  # s that the end of one node may keep the others waiting
 _SWITCH = 0.0005  # s; the default, 5 ms, is longer than the way of a frame to the stop
 
 
@@ -56,3 +60,37 @@ class Pace:
 
 
 PACE = Pace()
+
+
+def close_nodes(
+    pairs: Iterable[tuple[Any, Any]], drain: Callable[[float], object], until: float
+) -> None:
+    """Close the nodes (handle, node) in the way of the data: what is on its way still arrives.
+
+    A close that hangs, on a terminal that takes nothing say, does not keep the others.
+
+    Args:
+        drain: lets callbacks that are due run for so long [s].
+        until: monotonic time at which all must be closed [s].
+    """
+    drained = min(until, time.monotonic() + _CLOSE_WITHIN)
+    for handle, node in pairs:
+        if not hasattr(node, "close"):
+            continue
+        closing = threading.Thread(
+            target=_close, args=(handle, node), name="skin close", daemon=True
+        )
+        try:
+            closing.start()
+        except RuntimeError:  # the interpreter is ending, and starts no more threads
+            _close(handle, node)
+        else:
+            closing.join(max(0.0, min(_CLOSE_WITHIN, until - time.monotonic())))
+        drain(max(0.0, drained - time.monotonic()))
+
+
+def _close(handle, node) -> None:
+    try:
+        node.close()
+    except Exception:  # a closed stdout, say
+        handle.get_logger().exception("close() raised")

@@ -27,7 +27,6 @@ from ..physics.proof import UNPROVED
 from ..touch import features
 from ..touch.frames import Pose
 from ..touch.geometry import rotation_of
-from ..touch.gestures import Gesture, Gestures
 from ..touch.tracking import RELEASED, STATES, Touch, Tracker, stroke
 from . import READING, frames, seconds
 
@@ -48,15 +47,13 @@ CONTACT = (
 )
 _PRESSURE, _BOUND = "skin/pressure", "skin/pressure_bound"
 _CODE = {state: float(code) for code, state in enumerate(STATES)}
-_GESTURE = ("x", "y", "z", "id", "state", *Gesture._fields)
 
 
 class GestureFeature:
     """Publishes what touches the skin.
 
     Publishes per frame, in the base frame: skin/contacts, skin/wrench, skin/centre,
-    skin/push_direction with skin/push_confidence, skin/stroke [m/s] with skin/stroke_confidence;
-    and skin/gestures while something touches and at its release.
+    skin/push_direction with skin/push_confidence, skin/stroke [m/s] with skin/stroke_confidence.
     """
 
     def __init__(self, node):
@@ -74,7 +71,6 @@ class GestureFeature:
                 "set it to plane, cylinder, sphere or table"
             )
         self.tracker = Tracker(self.geometry.pitch)
-        self.gestures = Gestures(self.geometry)
         self._contacts = node.create_publisher(PointCloud2, "skin/contacts", 10)
         self._wrench = node.create_publisher(WrenchStamped, "skin/wrench", 10)
         self._centre = node.create_publisher(PointStamped, "skin/centre", 10)
@@ -82,7 +78,6 @@ class GestureFeature:
         self._confidence = node.create_publisher(Float32, "skin/push_confidence", 10)
         self._stroke = node.create_publisher(Vector3Stamped, "skin/stroke", 10)
         self._stroke_confidence = node.create_publisher(Float32, "skin/stroke_confidence", 10)
-        self._gestures = node.create_publisher(PointCloud2, "skin/gestures", 10)
         self._parts: dict[str, Image] = {}  # topic -> its last picture
         self._touched = False  # in the last frame
         self._stamp: object = None  # of the last reading that was taken
@@ -125,8 +120,7 @@ class GestureFeature:
         given = force, self.geometry, self.cell_threshold, bound
         frame = features.analyse_frame(*given, held=self._touched)
         self._touched = bool(frame.contacts)
-        t = seconds(header)
-        touches = self.tracker.update(t, frame)
+        touches = self.tracker.update(seconds(header), frame)
         self._contacts.publish(contact_cloud(touches, header))  # first: the stop waits for it
         push = frame.push
         if heard(self._wrench):
@@ -143,9 +137,6 @@ class GestureFeature:
             self._stroke.publish(Vector3Stamped(header, _vector(velocity)))
         if heard(self._stroke_confidence):
             self._stroke_confidence.publish(Float32(confidence))
-        gestures = self.gestures.update(t, frame, touches)  # also unheard: it sums up
-        if touches and heard(self._gestures):
-            self._gestures.publish(gesture_cloud(touches, gestures, header))
 
 
 def heard(publisher) -> bool:
@@ -157,7 +148,7 @@ def contact_cloud(touches: list[Touch], header: Header) -> PointCloud2:
     """Return a point per touch that is there.
 
     Its fields are x, y, z [m], force [N], area [m^2], peak [N on one cell], id, vx, vy, vz [m/s],
-    state (0 new, 1 held; 2 released, in skin/gestures), bound [N], the most that its force may be,
+    state (0 new, 1 held), bound [N], the most that its force may be,
     peak_bound [N], the same of its peak if newtons are right.
 
     A released touch is no point: whoever takes points for obstacles would stop for it.
@@ -178,18 +169,6 @@ def contact_cloud(touches: list[Touch], header: Header) -> PointCloud2:
         if state != RELEASED
     ]
     return cloud_of(CONTACT, rows, header)
-
-
-def gesture_cloud(touches: list[Touch], gestures: list[Gesture], header: Header) -> PointCloud2:
-    """Return a point per touch, those just released included.
-
-    Its fields are x, y, z [m], id, state, and those of `gestures.Gesture`.
-    """
-    rows = [
-        (*touch.contact.position.tolist(), touch.id, _CODE[touch.state], *gesture)
-        for touch, gesture in zip(touches, gestures, strict=True)
-    ]
-    return cloud_of(_GESTURE, rows, header)
 
 
 def _vector(v) -> Vector3:

@@ -6,12 +6,10 @@ from __future__ import annotations
 import dataclasses
 import time
 
-import numpy as np
-
-from ..board.absent import Absent, Unread
+from ..board.admission import Admission
 from ..board.formats import make_format, make_parser
 from ..board.frame import Counters, Frame
-from ..board.liveness import JITTER, Liveness, Verdict
+from ..board.liveness import JITTER
 from ..board.recognise import explain
 from ..board.serial_port import SerialReader, check_port
 from ..errors import concerning
@@ -25,7 +23,6 @@ _DOUBTFUL = 0.05  # of a second's frames damaged or lost: a warning
 _BAD = 0.5  # the same: a stop
 _TICK = 1000  # ns that stamps are apart at least
 _SLOW = 0.1  # s on their way from which on frames are worth a warning
-_NEW = Verdict(0.0, True, "")  # before the first frame
 
 
 class SerialDriver:
@@ -41,17 +38,12 @@ class SerialDriver:
         self.node = node
         given = declared(node, Parameters)
         self.circuit = circuit_of(given.circuit)
-        self._adc_of_board = adc_of(given.circuit, self.circuit)
-        scanned = self._adc_of_board.scanned
-        self._named = np.zeros(self.circuit.shape, bool) if scanned is None else ~scanned
-        self._absent, self._unread = self._new_absent(), Unread()
-        self._frozen_after, self.frame_id = given.frozen_after, given.frame_id
+        self._admission = Admission(adc_of(given.circuit, self.circuit), given.frozen_after)
+        self._connection = -1  # that it knows
+        self.frame_id = given.frame_id
         size = (self.circuit.rows, self.circuit.cols, self.circuit.adc_bits)
         with concerning("format", "protocol"):  # what is wrong is an error now
             fmt = make_format(given.protocol, dataclasses.asdict(given.format))
-        self._trouble = ""  # why frames are not published
-        self._verdict = _NEW
-        self._liveness, self._connection, self._restarts = None, -1, 0
         self._stamp = 0  # ns, of the last frame
         # on ROS stamps are the time of day, which may be set, or a simulation's
         self._monotonic = getattr(node.get_clock(), "monotonic", time.monotonic)
@@ -71,7 +63,7 @@ class SerialDriver:
             self._on_link,
             given.watchdog,
             given.wait_for_port,
-            self._refuse,
+            self._admission.refuse,
             given.serial_number,
         )
         node.create_service(Trigger, "~/lend", self.on_lend)
@@ -91,49 +83,21 @@ class SerialDriver:
 
     def on_frame(self, frame: Frame) -> None:
         """In the reader's thread: publish at once."""
-        now = self._now()
-        trouble = self._refuse(frame)
-        if not trouble:
-            self._verdict = self._check_liveness(self._monotonic(), frame)
-            self._unread = self._absent.frame(frame.samples, frame.unread)
-            trouble = self._verdict.trouble or (self._unread.text if self._unread.blind else "")
-        changed, self._trouble = trouble != self._trouble, trouble
-        if changed:
+        now, before, reader = self._now(), self._admission.trouble, self._reader
+        restarts = reader.parser.counters.restarts
+        if reader.reconnects != self._connection:
+            self._connection = reader.reconnects
+            self._admission.connect(restarts)
+        samples = self._admission.frame(self._monotonic(), frame, restarts)
+        if before != self._admission.trouble:
             self._report()  # a stop need not wait for the next second
-        if trouble or not self._verdict.settled:
+        if samples is None:
             return
-        lag = self._verdict.lag
+        lag = self._admission.verdict.lag
         taken = now - round(lag * 1e9) if lag > JITTER else now
         self._stamp = min(max(taken, self._stamp + _TICK), now)  # they rise as the frames do
         header = Header(Time(self._stamp).to_msg(), self.frame_id)
-        samples = self._adc_of_board.marked(frame.samples, frame.unread)
         self._adc.publish(image(samples, "16UC1", header))
-
-    def _refuse(self, frame: Frame) -> str:
-        """Why the frame is not of the board in the configuration; empty if it is."""
-        circuit, (rows, cols) = self.circuit, frame.samples.shape
-        sent = {"rows": rows, "cols": cols, "adc_bits": frame.adc_bits}
-        wrong = {k: v for k, v in sent.items() if v != getattr(circuit, k)}
-        if not wrong:
-            return ""
-        settings = ", ".join(f"circuit.{k}: {v}" for k, v in wrong.items())
-        return (
-            f"the board sends {rows} x {cols} at {frame.adc_bits} bits, the configuration says "
-            f"{circuit.rows} x {circuit.cols} at {circuit.adc_bits} bits: set {settings}"
-        )
-
-    def _new_absent(self) -> Absent:
-        return Absent(self._named, self.circuit.populated)
-
-    def _check_liveness(self, t: float, frame: Frame) -> Verdict:
-        reader = self._reader
-        if self._liveness is None or reader.reconnects != self._connection:
-            self._connection = reader.reconnects
-            self._liveness = Liveness(self.circuit.shape, self._frozen_after)
-            self._absent = self._new_absent()
-            self._restarts = reader.parser.counters.restarts
-        before, self._restarts = self._restarts, reader.parser.counters.restarts
-        return self._liveness.frame(t, frame, self._restarts > before)
 
     def on_timer(self) -> None:
         """Once a second: measure the rate and the losses, and report."""
@@ -164,20 +128,21 @@ class SerialDriver:
     @property
     def trouble(self) -> str:
         """Why frames are not published; empty if they are."""
-        return self._trouble or self._reader.trouble
+        return self._admission.trouble or self._reader.trouble
 
     def _on_link(self, text: str) -> None:
         """In the reader's thread: the connection came or went."""
-        self._trouble, self._verdict, self._unread = "", _NEW, Unread()  # of another connection
+        self._admission.forget()
         self._report()  # first: a log handler may raise
         self.node.get_logger().info(text)
 
     def _report(self) -> None:
         reader, counters = self._reader, self.counters
         level, message, kind = diagnostics.OK, f"frames from {reader.connected_to}", ""
-        lag = self._verdict.lag
-        if self._trouble:
-            level, message = diagnostics.ERROR, self._trouble
+        seen = self._admission
+        lag = seen.verdict.lag
+        if seen.trouble:
+            level, message = diagnostics.ERROR, seen.trouble
         elif reader.connected_to is None:
             level, message = diagnostics.ERROR, reader.trouble
         elif self._bad >= _DOUBTFUL:
@@ -188,14 +153,14 @@ class SerialDriver:
             message = f"{share} of the last second's frames were damaged or lost"
             if why := self._beyond[0]:
                 message += f": {why}"
-        elif not self._verdict.settled:
+        elif not seen.verdict.settled:
             level, kind = diagnostics.WARN, "unsettled"
             message = "frames do not arrive at the board's own rate yet"
         elif lag > _SLOW:
             level, kind = diagnostics.WARN, "late"
             message = f"frames arrive {lag:.2f} s late: is the link too slow?"
-        elif self._unread.text:
-            level, message, kind = diagnostics.WARN, self._unread.text, "unread"
+        elif seen.unread.text:
+            level, message, kind = diagnostics.WARN, seen.unread.text, "unread"
         values = {
             "port": reader.connected_to or reader.port,
             diagnostics.SIMULATED: str(reader.simulated).lower(),
@@ -213,7 +178,7 @@ class SerialDriver:
         }
         if kind:
             values[diagnostics.KIND] = kind
-        if where := next((w for w in (self._verdict, self._unread) if w.rows or w.cols), None):
+        if where := next((w for w in (seen.verdict, seen.unread) if w.rows or w.cols), None):
             values |= diagnostics.places(where.rows, where.cols)
         self._diagnostics.publish(diagnostics.report(self.node, level, message, values))
 

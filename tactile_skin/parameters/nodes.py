@@ -80,7 +80,7 @@ class Compensation:
     circuit: Circuit = group(Circuit)
     curve: Curve = group(Curve)
     geometry: Geometry = group(Geometry)
-    method: str = parameter("auto", "", "README.md compares them", choices=METHODS, live=True)
+    method: str = parameter("auto", "", "docs/how.md compares them", choices=METHODS, live=True)
     weights: str = parameter(
         "", "", "file written by `tactile-skin train`; empty: the shipped weights"
     )
@@ -210,16 +210,6 @@ class TactileState:
 
 
 @dataclasses.dataclass(frozen=True)
-class Foxglove:
-    """Started by foxglove:=true."""
-
-    host: str = parameter(
-        "127.0.0.1", "", "address to serve the Foxglove app on; 0.0.0.0: all of them"
-    )
-    port: int = parameter(8765, "", "TCP port; 0: any that is free", 0, 65535)
-
-
-@dataclasses.dataclass(frozen=True)
 class Recorder:
     """Started by record:=FILE.mcap, or a folder."""
 
@@ -248,7 +238,6 @@ SECTIONS: dict[str, type] = {  # node -> its parameters, in the order of config/
     "view": View,
     "push_arrow": PushArrow,
     "tactile_state": TactileState,
-    "foxglove": Foxglove,
     "recorder": Recorder,
 }
 

@@ -21,7 +21,7 @@ KINDS: dict[str, type[Message]] = {  # ROS 2 type -> class of a message
     kind.TYPE: kind
     for _, kind in inspect.getmembers(msg, lambda kind: dataclasses.is_dataclass(kind))
 }
-SCHEMAS, MESSAGES = "ros2msg", "cdr"  # names of ROS 2's formats, in MCAP and in Foxglove
+SCHEMAS, MESSAGES = "ros2msg", "cdr"  # names of ROS 2's formats, in MCAP
 _PARTS = "reader", "records", "stream_reader", "writer"
 
 

@@ -156,10 +156,8 @@ class Recording:
 
     @property
     def diagnostics_topic(self) -> str:
-        """Of the skin whose readings `adc_topic` are; version 0.1 had one without its own name."""
-        here = self.adc_topic.removesuffix(ADC)
-        own = f"{here}skin/diagnostics"
-        return own if own in self.topics else f"{here}diagnostics"
+        """Of the skin whose readings `adc_topic` are."""
+        return f"{self.adc_topic.removesuffix(ADC)}skin/diagnostics"
 
     def readings(
         self, begin: int = 0, end: int = EVER

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .episode import LIMIT, SILENCE, Episode
+from .episode import FEATURES, LIMIT, SILENCE, Episode
 from .features import segment
 from .model import OTHER, GestureModel
 from .tracking import IDS
@@ -139,6 +139,7 @@ class Named(NamedTuple):
     decided: bool  # whether its label is new, or the first
     label: str  # what it is, "other", or "" while the model is not sure
     probabilities: np.ndarray  # (classes,) in the order of the model's classes
+    features: np.ndarray  # those of `episode.FEATURES` that the model was asked with last
     place: tuple[float, float]  # row and column of the mat, of the centre of force
     force: float  # [N]; 0 between two touches and when it has ended
     duration: float  # [s]
@@ -291,7 +292,7 @@ class _Opinion:
     def __init__(self) -> None:
         self.label = ""
         self.surely = -1  # number of the class that it was last sure of, or -1
-        self.probabilities = np.zeros(0)
+        self.probabilities, self.features = np.zeros(0), np.zeros(len(FEATURES))
         self.due = FIRST  # s into the gesture when the model is asked next
 
 
@@ -332,6 +333,7 @@ class Recogniser:
                     decided,
                     opinion.label,
                     opinion.probabilities,
+                    opinion.features,
                     self._gathering.cells.place(*gesture.place),
                     gesture.force,
                     gesture.seen - gesture.start,
@@ -346,7 +348,8 @@ class Recogniser:
             return False
         wait = max(EVERY, _LONGER * episode.duration)
         opinion.due = episode.duration + wait - episode.period / 2
-        opinion.probabilities = self.model.probabilities(episode.features())
+        opinion.features = episode.features()
+        opinion.probabilities = self.model.probabilities(opinion.features)
         favourite = int(opinion.probabilities.argmax())
         label = self.model.classes[favourite]
         sure = opinion.probabilities[favourite] >= self.min_probability

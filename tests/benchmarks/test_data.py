@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Dead data look like frames: each fault does what it says."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from support import faulty
@@ -10,8 +8,6 @@ from support.faulty import SHAPE, board_of, frames, pressed
 from support.lab.board import KNOTS
 from support.lab.damage import ELECTRICAL
 
-from benchmarks import pages
-from benchmarks.faults import table
 from benchmarks.faults.data import DATA
 from benchmarks.faults.reliability import FAULTS
 
@@ -27,12 +23,6 @@ def samples(name: str, seconds=0.5, **kinds) -> np.ndarray:
 def test_names_are_unique_and_each_fault_says_what_it_is():
     assert len({fault.name for fault in FAULTS}) == len(FAULTS) >= 60
     assert all(fault.about for fault in FAULTS)
-
-
-def test_the_page_lists_the_faults():
-    page = (Path(__file__).parents[2] / "docs/lab/reliability.md").read_text()
-    assert pages.fill(page, {"faults": table.listing(FAULTS)}) == page
-    assert "| frozen scan |" in page
 
 
 def test_dead_samples_stand_still():

@@ -44,7 +44,7 @@ def test_a_script_says_what_it_shows_and_takes(name, capsys):
 
 def test_there_are_scripts_of_every_theme():
     assert len(SCRIPTS) > 40
-    assert {"benchmarks.faults.__main__", "benchmarks.ablation.__main__"} < set(SCRIPTS)
+    assert "benchmarks.faults.__main__" in SCRIPTS
 
 
 def test_results_are_written_with_their_command_and_machine(monkeypatch, capsys, tmp_path):

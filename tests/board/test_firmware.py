@@ -7,6 +7,7 @@ import threading
 
 import numpy as np
 import pytest
+from support import chip as simulated
 from support.chips import needs_both, needs_chip
 from support.firmware import (
     BROWN_OUT,
@@ -29,7 +30,7 @@ from tactile_skin.board.description import command, find_description
 from tactile_skin.board.firmware import build
 from tactile_skin.board.protocol import BinaryParser
 from tactile_skin.errors import FirmwareError
-from tactile_skin.launch import launch
+from tactile_skin.launch import launch, read_skin, share_dir
 from tactile_skin.physics.adc import Adc
 from tactile_skin.simulation import scenes
 from tactile_skin.simulation.matrix import resting_curve
@@ -292,7 +293,7 @@ def test_the_same_program_reads_boards_that_are_wired_otherwise(circuit, wired):
 @pytest.mark.ci
 @needs_chip
 def test_a_push_on_the_simulated_chip_stops_the_robot(tmp_path):
-    """The whole demo with board:=firmware; a simulation that is too slow stops it as stale."""
+    """The skin on the demo's scene; a simulation that is too slow stops it as stale."""
     pushed, heard = threading.Event(), []
 
     def hook(stop: bool, reason: str):
@@ -300,13 +301,26 @@ def test_a_push_on_the_simulated_chip_stops_the_robot(tmp_path):
         if stop and reason.startswith("push"):
             pushed.set()
 
-    arguments = {"board": "firmware", "monitor": "false"}
-    with launch("demo.launch.yaml", **arguments) as skin:
+    link, ended = tmp_path / "board", threading.Event()
+    skin_of = read_skin(share_dir() / "config" / "demo.yaml")
+    scene = scenes.script("demo", *skin_of.circuit.shape)
+
+    def work():
+        with simulated.Chip(skin_of.circuit, noise=1.0, adc=skin_of.adc) as chip:
+            curve = resting_curve(skin_of.curve, skin_of.circuit.shape, 0)
+            simulated.serve(chip, curve, scene, link, lambda: not ended.is_set())
+
+    board = threading.Thread(target=work)
+    board.start()
+    given = {"config": share_dir() / "config" / "demo.yaml", "wait_for_port": 15.0}
+    with launch("skin.launch.yaml", port=link, monitor=False, **given) as skin:
         skin.on_stop(hook)
         waited = 0.0
         while not pushed.is_set() and waited < PATIENCE:
             skin.spin(0.5)
             waited += 0.5
+    ended.set()
+    board.join()
     assert pushed.is_set(), heard
 
 

@@ -1,15 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """A board that is configured as another readout: the doctor names the one that fits."""
 
-import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from support.damaged import Case
-from support.diodes import recorded as recorded_behind
-from support.kirchhoff import forward_voltage
 from support.lab.board import KNOTS, FaultBoard
 from support.lab.touches import everyday
 from support.marks import ci, slow
@@ -18,8 +15,6 @@ from support.strangers import sim as stranger
 from tactile_skin import Circuit, PressureCurve, compensate, diagnose, measure_rest
 from tactile_skin.board.protocol import BinaryParser
 from tactile_skin.guide.notes import notes
-from tactile_skin.health.doctor import ignored_diode
-from tactile_skin.health.doctor.recorded import record
 from tactile_skin.health.doctor.wiring import Damage, Wires, search
 from tactile_skin.physics.adc import Adc
 from tactile_skin.physics.circuit import forward
@@ -206,38 +201,6 @@ def test_a_skin_that_is_hardly_left_alone_is_upside_down_rather_than_broken(kind
     forgotten = np.array([frame.samples for frame in frames[part]]) / 64.0 / circuit.full_scale
     (finding,) = diagnose(forgotten, circuit, series=False)
     assert finding.kind == "polarity"
-
-
-@pytest.mark.parametrize("diode", ["1N4148", *map(slow, ("BAT85", "1N4001", "BAV99"))])
-@pytest.mark.parametrize("r_ref, supply", [(1780.0, 5.0), slow(10e3, 5.0), slow(1780.0, 3.3)])
-def test_diodes_that_are_not_configured_are_named(diode, r_ref, supply):
-    """Else a hard push is felt as a fifth, in silence: any touch is explained by other cells."""
-    circuit, frames = recorded_behind(52, r_ref, diode, supply)
-    (finding,) = diagnose(frames, circuit)
-    assert finding.where == "diode" and "circuit.diode" in finding.remedy
-    share = 0.01 * float(re.search(r"takes ([0-9.]+)% of the supply", finding.evidence)[1])
-    assert share * supply == pytest.approx(forward_voltage(diode, 1e-3), abs=0.05)
-
-
-@pytest.mark.parametrize("diode", [ci("1N4148"), None])
-def test_the_touches_of_calibrate_name_diodes_too(diode):
-    circuit, frames = recorded_behind(51, 1780.0, diode)
-    seen = record(frames, circuit, None)
-    rest = measure_rest(frames[seen.quiet], circuit)
-    found = ignored_diode(circuit, rest, frames[seen.peaks])
-    assert (found is not None) == (diode is not None)
-    grounded = circuit.read_as("grounded", circuit.driven)
-    assert ignored_diode(grounded, rest, frames[seen.peaks]) is None
-
-
-@pytest.mark.ci
-@pytest.mark.parametrize(
-    "wrong", [{}, slow({"r_par": 326.0}), slow({"r_par": 0.0}), slow({"r_ref": 9e3})]
-)
-def test_other_settings_that_are_wrong_are_no_diodes(wrong):
-    circuit, frames = recorded_behind(51, 10e3, None)
-    found = diagnose(frames, replace(circuit, **wrong))
-    assert "diode" not in [finding.where for finding in found]
 
 
 def test_a_skin_that_is_never_left_alone_is_neither_upside_down_nor_damaged():

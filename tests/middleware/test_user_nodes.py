@@ -1,16 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A launch file starts nodes of other packages: classes of a module."""
+"""Nodes of a user's in the process of a skin: classes, by a program or by a parameter file."""
 
 import pytest
+import yaml
 from support.patience import spin_until
 
-from tactile_skin.errors import LaunchError
+from tactile_skin import ros
+from tactile_skin.errors import FileError, LaunchError
 from tactile_skin.launch import launch
+from tactile_skin.middleware.ros.arguments import split_arguments
 from tactile_skin.msg import Bool
 
 pytestmark = pytest.mark.live
 
 CODE = """
+from tactile_skin.middleware.ros.arguments import split_arguments
 from tactile_skin.msg import Bool
 
 class Lamp:
@@ -22,54 +26,99 @@ class Lamp:
 def lamp(node):
     pass
 """
-NODE = "launch:\n- node: {pkg: %s, exec: %s, namespace: left, param: [{name: lit, value: false}]}\n"
 
 
 @pytest.fixture
 def write(tmp_path, monkeypatch):
-    """Makes the modules skin_lamps and skin_broken; returns a writer of launch files."""
+    """Makes the modules skin_lamps and skin_broken; returns a writer of parameter files."""
     (tmp_path / "skin_lamps.py").write_text(CODE)
     (tmp_path / "skin_broken.py").write_text("import no_such_module_at_all\n")
     monkeypatch.syspath_prepend(tmp_path)
 
-    def write(package, executable):
-        path = tmp_path / "mine.launch.yaml"
-        path.write_text(NODE % (package, executable))
+    def write(**node):
+        path = tmp_path / "mine.yaml"
+        text = yaml.safe_dump({"nodes": [node]})
+        path.write_text(text + "/**: {ros__parameters: {}}\n")
         return path
 
     return write
 
 
-def test_a_class_of_a_module(write):
+def started(config):
+    return launch("skin.launch.yaml", port="loop://", monitor=False, config=config)
+
+
+def test_a_class_that_a_parameter_file_names(write):
+    """With its parameters there, a namespace and a remapping."""
     seen = []
-    with launch(write("skin_lamps", "Lamp")) as skin:
-        skin.node.create_subscription(Bool, "left/lamp", seen.append, 10)
+    more = {"namespace": "left", "parameters": {"lit": False}, "remap": {"lamp": "light"}}
+    with started(write(**{"class": "skin_lamps.Lamp"} | more)) as skin:
+        skin.node.create_subscription(Bool, "left/light", seen.append, 10)
         spin_until(skin, lambda: seen)
     assert seen[0] == Bool(False)
 
 
+def test_a_section_of_its_name_is_for_it(write):
+    path = write(**{"class": "skin_lamps.Lamp"})
+    path.write_text(path.read_text().replace("/**:", "Lamp: {ros__parameters: {lit: false}}\n/**:"))
+    skin = started(path)
+    skin.build()
+    assert skin._handles[-1].get_parameter("lit").value is False
+
+
+class Bell:
+    """Rings once for each contact; in no module of its own."""
+
+    def __init__(self, node):
+        self.loud = node.declare_parameter("loud", 1.0).value
+
+
+def test_a_class_that_a_program_adds():
+    skin = launch("skin.launch.yaml", port="loop://", monitor=False)
+    skin.add(Bell, {"loud": 3.0}, name="bell")
+    with skin:
+        assert skin._nodes[-1].loud == 3.0
+        with pytest.raises(LaunchError, match="the nodes run already: add it before `with`"):
+            skin.add(Bell)
+
+
 @pytest.mark.parametrize(
-    ("package", "executable", "named"),
+    ("named", "message"),
     [
-        ("no_such.module", "Lamp", "pkg: must be tactile_skin or a Python module: importing"),
-        ("..", "Lamp", "importing .. failed"),
-        ("skin_broken", "Lamp", "failed: No module named 'no_such_module_at_all'"),
-        ("skin_lamps", "lamp", "exec: skin_lamps has no class 'lamp'; there are: Lamp"),
+        ("no_such.module.Lamp", r"importing 'no_such.module' failed"),
+        ("...Lamp", "importing '..' failed"),
+        ("skin_broken.Lamp", "failed: No module named 'no_such_module_at_all'"),
+        ("skin_lamps.lamp", "skin_lamps has no class 'lamp'; there are: Lamp"),
+        ("Lamp", "node Lamp: must be module.Class or one of serial_driver"),
     ],
 )
-def test_what_is_no_node_is_refused_by_name(write, package, executable, named):
-    path = write(package, executable)
-    with pytest.raises(LaunchError) as error, launch(path):
-        pass
-    assert str(error.value).startswith(f"{path}: node {package}/{executable}: ")
-    assert named in str(error.value)
+def test_what_is_no_node_is_refused_by_name(write, named, message):
+    path = write(**{"class": named})
+    with pytest.raises(LaunchError) as error:
+        started(path).build()
+    assert str(error.value).startswith(f"{path}: node {named}: ")
+    assert message in str(error.value)
+
+
+@pytest.mark.parametrize("wrong", [{}, {"class": 5}, {"class": "a.B", "pkg": "a"}])
+def test_a_list_of_nodes_that_is_none_is_refused(write, wrong):
+    with pytest.raises(FileError, match=r"mine.yaml: nodes: .*must be .*class"):
+        started(write(**wrong))
+
+
+def test_nodes_that_are_no_list_are_refused(tmp_path):
+    (tmp_path / "mine.yaml").write_text("nodes: 5\n")
+    with pytest.raises(FileError, match="nodes = 5: must be a list of maps"):
+        started(tmp_path / "mine.yaml")
 
 
 def test_an_unknown_parameter_of_it_is_refused(write):
-    path = write("skin_lamps", "Lamp")
-    path.write_text(path.read_text().replace("name: lit", "name: unlit"))
-    with (
-        pytest.raises(LaunchError, match=r"parameter 'unlit' is unknown; did you mean 'lit'"),
-        launch(path),
-    ):
-        pass
+    with pytest.raises(LaunchError, match=r"parameter 'unlit' is unknown; there are: lit"):
+        started(write(**{"class": "skin_lamps.Lamp", "parameters": {"unlit": False}})).build()
+
+
+def test_on_ros_a_file_with_such_nodes_is_refused(write):
+    path = write(**{"class": "skin_lamps.Lamp"})
+    words = split_arguments(["--ros-args", "-p", f"config:={path}"])[1]
+    with pytest.raises(LaunchError, match=r"skin_lamps.Lamp: is for tactile-skin launch; on ROS"):
+        ros.plan_of("skin", words)

@@ -31,7 +31,6 @@ class Skin(Bench):
         self.handle, observer = self.node("gesture_feature", given), self.node("observer")
         for kind, topic in (
             (PointCloud2, "skin/contacts"),
-            (PointCloud2, "skin/gestures"),
             (Vector3Stamped, "skin/stroke"),
             (Float32, "skin/stroke_confidence"),
         ):
@@ -47,9 +46,6 @@ class Skin(Bench):
 
     def contacts(self):
         return cloud_columns(self.seen["skin/contacts"][-1])
-
-    def gestures(self):
-        return cloud_columns(self.seen["skin/gestures"][-1])
 
 
 NOTHING = np.zeros((16, 16))
@@ -77,32 +73,15 @@ def test_a_contact_has_its_place_force_id_velocity_and_state():
     assert skin.seen["skin/stroke_confidence"][-1].data > 0.9
 
 
-def test_a_released_touch_is_no_point_but_a_last_gesture():
+def test_a_released_touch_is_no_point():
     """What takes points for obstacles must not see one where nothing is."""
     skin = Skin()
     for _ in range(11):
         skin.feel(finger(16, 16, 5.0, 5.0, 5.0))
-    assert skin.gestures()["state"] == 1
+    assert skin.contacts()["state"] == 1
     for _ in range(10):
         skin.feel(NOTHING)
         assert skin.seen["skin/contacts"][-1].width == 0
-    last = skin.gestures()
-    assert last["state"] == 2
-    assert last["id"] == 1
-    assert last["duration"] == pytest.approx(0.1)
-    assert last["max_pressure"] == pytest.approx(finger(16, 16, 5.0, 5.0, 5.0).max() / CELL_AREA)
-    assert last["peak_count"] == 1
-    told = len(skin.seen["skin/gestures"])
-    skin.feel(NOTHING)
-    assert len(skin.seen["skin/gestures"]) == told
-
-
-def test_gestures_are_named_in_the_fields_terms():
-    skin = Skin()
-    skin.feel(finger(16, 16, 5.0, 5.0, 5.0))
-    touch = "x y z id state duration mean_pressure max_pressure pressure_variability contact_area"
-    way = "max_pressure_contact_area peak_count displacement net_displacement"
-    assert list(skin.gestures()) == f"{touch} {way}".split()
 
 
 def test_a_table_of_cells_is_a_geometry(tmp_path):
@@ -127,19 +106,3 @@ def test_a_pressure_that_is_none_gives_no_contacts(bad):
         skin.feel(np.full((16, 16), bad))
     assert skin.handle.callback_errors == 1
     assert len(skin.seen["skin/contacts"]) == 1
-
-
-def test_who_comes_late_hears_of_the_whole_touch():
-    """A topic that nobody hears is not published, but what it tells goes on being followed."""
-    early, late = Skin(), Skin()
-    heard = late.context._subscriptions
-    later = {topic: heard.pop(topic) for topic in ("/skin/gestures", "/skin/stroke")}
-    for k in range(20):
-        heard |= later if k == 10 else {}
-        for skin in (early, late):
-            skin.feel(finger(16, 16, 7.5, 3.0 + 0.2 * k, 5.0))
-    assert len(early.seen["skin/gestures"]) == len(early.seen["skin/stroke"]) == 20
-    assert len(late.seen["skin/gestures"]) == len(late.seen["skin/stroke"]) == 10
-    for name, values in early.gestures().items():
-        np.testing.assert_array_equal(late.gestures()[name], values)
-    assert early.gestures()["displacement"] > 0.03

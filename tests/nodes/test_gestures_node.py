@@ -18,6 +18,7 @@ from tactile_skin.nodes.observers.touch_events import GestureListener
 from tactile_skin.nodes.stop_on_push import LATCHED, StopOnPush
 from tactile_skin.simulation.people.hands import GESTURES, Person, perform
 from tactile_skin.simulation.people.mat import Mat
+from tactile_skin.touch.episode import FEATURES
 from tactile_skin.touch.model import load_model
 
 CELL_AREA = 1.44e-4  # m^2
@@ -31,7 +32,10 @@ class Skin(Bench):
         super().__init__()
         self.seen, self.named = defaultdict(list), []
         handle, observer = self.node("gestures", parameters), self.node("observer")
-        for kind, topic in ((String, "skin/gesture"), (PointCloud2, "skin/gesture_classes")):
+        topics = {"skin/gesture": String} | dict.fromkeys(
+            ("skin/gesture_classes", "skin/gestures"), PointCloud2
+        )
+        for topic, kind in topics.items():
             observer.create_subscription(kind, topic, self.seen[topic].append, 100)
         GestureListener(observer, lambda event: self.named.append(event.gesture))
         Gestures(handle)
@@ -74,6 +78,14 @@ def test_the_cloud_has_a_column_for_each_class():
     assert [name for name in columns if name.startswith("p_")] == [f"p_{c}" for c in classes]
     assert sum(columns[f"p_{name}"][0] for name in classes) == pytest.approx(1.0, abs=1e-5)
     assert columns["state"][0] == 3.0 and classes[int(columns["label"][0])] == "tickle"
+
+
+def test_the_features_that_a_gesture_was_judged_by_are_a_topic():
+    skin = Skin()
+    skin.do("stroke")
+    columns = cloud_columns(skin.seen["skin/gestures"][-1])
+    assert list(columns) == ["x", "y", "z", "id", "state", *FEATURES]
+    assert columns["duration"][0] != 0.0 and np.isfinite([*columns.values()]).all()
 
 
 def test_a_gesture_that_a_pause_of_frames_cuts_off_has_ended():

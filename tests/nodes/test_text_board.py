@@ -24,12 +24,6 @@ from tactile_skin.physics.adc import NOT_READ
 pytestmark = pytest.mark.live
 
 PAGE = Path(__file__).parents[2] / "docs" / "boards.md"
-LAUNCH = """launch:
-- node: {pkg: tactile_skin, exec: serial_driver, param: [{from: $(dirname)/mine.yaml}]}
-- node: {pkg: tactile_skin, exec: stop_on_push, param: [{from: $(dirname)/mine.yaml}]}
-- node: {pkg: tactile_skin, exec: compensation, param: [{from: $(dirname)/mine.yaml}]}
-- node: {pkg: tactile_skin, exec: gesture_feature, param: [{from: $(dirname)/mine.yaml}]}
-"""
 
 
 def example() -> dict:
@@ -51,8 +45,7 @@ def skin_on(port, folder, **changes):
         else:
             given.setdefault(section, {"ros__parameters": {}})["ros__parameters"][key] = value
     (folder / "mine.yaml").write_text(yaml.safe_dump(given))
-    (folder / "test.launch.yaml").write_text(LAUNCH)
-    with launch(folder / "test.launch.yaml") as skin:
+    with launch("skin.launch.yaml", config=folder / "mine.yaml", monitor=False) as skin:
         yield skin
 
 

@@ -245,7 +245,7 @@ def test_an_address_that_is_taken_is_named(tmp_path):
     with listen("127.0.0.1", 0) as taken:
         port = taken.getsockname()[1]
         plan = read_plan("launch/skin.launch.yaml", {"view": "true", "view_port": str(port)})
-        plan.nodes = [action for action in plan.nodes if action.kind == "view"]
+        plan.nodes = [action for action in plan.nodes if action.executable == "view"]
         with pytest.raises(LaunchError, match=rf"port {port}: .*in use"):
             Skin(plan).build()
     with pytest.raises(LaunchError, match=r"192\.0\.2\.1"):

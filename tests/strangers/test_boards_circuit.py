@@ -165,31 +165,6 @@ def test_untouched_cells_below_the_range_are_named():
     assert skin.waits and "is no matrix connected" in str(skin.findings()[0])
 
 
-@pytest.mark.parametrize(("r_ref", "chip", "sure"), [(1000.0, 1, True), ci(10000.0, 0, False)])
-def test_the_doctor_names_an_esp32(r_ref, chip, sure):
-    """A setting only where no other full scale explains the touches as well."""
-    circuit = board(r_ref)
-    readings, _ = esp32.frames(circuit, (77, chip), chip, seconds=30.0, offset=0.0, gain=0.0)
-    found = diagnose(Adc(circuit).ratio(readings.astype(float)), circuit)
-    assert [f.where for f in found] == ["ADC"] and "circuit.adc_table: esp32" in found[0].remedy
-    assert ("set circuit.adc_table" in found[0].remedy) == sure
-    told = Adc(circuit, table="esp32").ratio(readings.astype(float))
-    assert not any("adc_table" in str(f) for f in diagnose(told, circuit))
-
-
-@pytest.mark.parametrize("r_ref", [1000.0, 10000.0])
-@pytest.mark.parametrize(
-    ("full", "off"), [(4095, {}), (4500, {}), (3800, {}), (4095, {"r_par": 500.0})]
-)
-def test_the_doctor_names_no_esp32_where_a_linear_adc_reads_so(r_ref, full, off):
-    circuit, rng = board(r_ref), np.random.default_rng(6)
-    force = touches((8, 8), 30.0, 20.0, seed=9, rest=5.0, hard=(3, 40), hold=1.2)
-    true = replace(circuit, **off)
-    steps = counts(true, fabric(circuit), force, rng, noise=1.5, full=full)
-    found = diagnose(Adc(circuit).ratio(steps.astype(float)), circuit)
-    assert not any("set circuit.adc_table" in f.remedy for f in found)
-
-
 def test_shipped_tables_name_their_source():
     assert TABLES
     for path in TABLES.values():

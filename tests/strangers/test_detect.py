@@ -215,7 +215,18 @@ def test_an_unknown_word_behind_the_wiring_is_an_error(tmp_path, monkeypatch, ca
     heard(tmp_path, monkeypatch, 6, 6)
     monkeypatch.setattr("sys.stdin", io.StringIO("6 x 6\nloaded-rows\n\n\n"))
     assert main(["detect", "bytes.bin"]) == 2
-    assert "wiring -rows: must be -columns or -pullup" in capsys.readouterr().err
+    assert "wiring -rows: must be -columns, -pullup, -diodes or -esp32" in capsys.readouterr().err
+
+
+def test_diodes_and_an_esp32_are_asked_for(tmp_path, monkeypatch):
+    """No byte shows them, and a hard push behind a diode that nobody entered is felt as a fifth."""
+    heard(tmp_path, monkeypatch, 6, 6)
+    monkeypatch.setattr("sys.stdin", io.StringIO("6 x 6\nloaded-diodes-esp32\n\n4095\n"))
+    assert main(["detect", "bytes.bin"]) == 0
+    text = (tmp_path / "mine.yaml").read_text()
+    found = yaml.safe_load(text)["/**"]["ros__parameters"]["circuit"]
+    assert (found["diode"], found["adc_table"]) == (0.58, "esp32")
+    assert "circuit.diode: as of a 1N4148" in text
 
 
 def test_bytes_of_which_nothing_is_known_get_a_reason(tmp_path, capsys):

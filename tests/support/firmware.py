@@ -11,12 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from support import chip as simulated
+from support.chip import CLOCK, TAU
 from support.chips import AVR8JS
 from tactile_skin import Circuit, PressureCurve, forward
 from tactile_skin.board import description
 from tactile_skin.board.firmware import build
-from tactile_skin.board.firmware import chip as simulated
-from tactile_skin.board.firmware.chip import CLOCK, TAU
 from tactile_skin.board.frame import Counters
 from tactile_skin.board.protocol import BinaryParser
 from tactile_skin.simulation import scenes

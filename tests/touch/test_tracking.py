@@ -8,7 +8,6 @@ from support.marks import ci
 from tactile_skin.simulation.scenes import finger
 from tactile_skin.touch import features, tracking
 from tactile_skin.touch.geometry import make_geometry
-from tactile_skin.touch.gestures import Gestures
 from tactile_skin.touch.tracking import HELD, NEW, RELEASED, Course, Tracker
 
 PLANE = make_geometry("plane", 16, 16)
@@ -302,7 +301,7 @@ def test_ids_stay_exact_in_a_point_cloud(skin):
 def test_whatever_fingers_do_each_touch_has_one_life(seed):
     """New once, then held, released once and never told again; an id at a time is one touch's."""
     rng = np.random.default_rng(seed)
-    skin, gestures, lives = Skin(), Gestures(PLANE), {}
+    skin, lives = Skin(), {}
     fingers = [None, None, None, None]
     for _ in range(400):
         for k, where in enumerate(fingers):
@@ -316,7 +315,6 @@ def test_whatever_fingers_do_each_touch_has_one_life(seed):
                     fingers[k] = None
         pressed = [(*f[0], f[2]) for f in fingers if f is not None]
         touches = skin.feel(*pressed, dt=0.2 if rng.random() < 0.01 else DT)
-        assert len(gestures.update(skin.t, skin.frame, touches)) == len(touches)
         told = [touch.id for touch in touches]
         assert len(set(told)) == len(told)
         states = [touch.state for touch in touches]
@@ -326,7 +324,6 @@ def test_whatever_fingers_do_each_touch_has_one_life(seed):
             assert np.isfinite(touch.velocity).all()
     for _ in range(300):
         touches = skin.feel()
-        gestures.update(skin.t, skin.frame, touches)
         for touch in touches:
             lives[touch.id].append(touch.state)
     assert len(lives) > 10
@@ -335,4 +332,3 @@ def test_whatever_fingers_do_each_touch_has_one_life(seed):
         assert set(states[1:-1]) <= {HELD}
         assert states[-1] == RELEASED
     assert not skin.tracker._tracks
-    assert not gestures._courses

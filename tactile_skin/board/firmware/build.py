@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The firmware's binary, and the library of the simulated chip: built where they are used."""
+"""The firmware's binary, built where it is used."""
 
 from __future__ import annotations
 
@@ -58,18 +58,6 @@ def hex_file(elf: Path) -> Path:
     path = elf.with_suffix(".hex")
     run(["avr-objcopy", "-O", "ihex", "-R", ".eeprom", elf, path], "binutils-avr")
     return path
-
-
-def chip_library(folder: Path) -> Path:
-    """Compile what is wired to the simulated chip, chip.c, against simavr's library."""
-    library = folder / "chip.so"
-    source = [HERE / "chip.c", "-o", library]
-    libraries = ["-lsimavr", "-lelf", "-lm"]
-    run(
-        ["gcc", "-O2", *_WARNINGS, "-shared", "-fPIC", *source, *libraries],
-        "gcc libc6-dev libsimavr-dev libelf-dev",
-    )
-    return library
 
 
 def run(command: list, packages: str, seconds: float = 60.0) -> str:

@@ -28,7 +28,6 @@ from ...physics.readouts import DRIVEN
 from ...solvers.reading import ROUNDING_NOISE
 from . import order, readings, readout, usable, wiring
 from .advice import HARDEST, Change, is_safe
-from .converter import other_adc, unknown_diode
 from .recorded import FEW_TOUCHES, Recorded, record
 from .series import in_series, touches_of
 
@@ -164,8 +163,6 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
     found += order.misplaced(seen, unusable | odd, cells | quiet, pressed)
     if not series:
         return found
-    if not found and (behind := unknown_diode(circuit, touched, int(seen.quiet.sum()))):
-        return behind
     # With stripes that are cut, touch or are not read it is another network.
     unread = bool(pairs or wires.cut)
     beside = {(d.axis, d.line) for d in damages if d.kind in ("lead", "resistor")}
@@ -174,7 +171,7 @@ def _diagnose(seen: Recorded, series: bool) -> list[Finding]:
     if not (unread or np.isfinite(height) or wires.cells.max() > REST_SPAN):
         skip = unusable | beside | {at for f in noisy for at in whole_lines(f)}
         found += in_series(seen, skip, quiet, wires)
-    return found or other_adc(circuit, touched) or unexplained
+    return found or unexplained
 
 
 def _other_way(seen: Recorded, touched: readout.Touched) -> Change | None:
@@ -200,17 +197,6 @@ def other_readout(circuit: Circuit, at_rest, noise: float, touches) -> Finding |
     wired = {(c.circuit.readout, c.circuit.driven) for c in (fitting.changes if fitting else ())}
     others = wired - {(circuit.readout, circuit.driven)}
     return fitting.finding(circuit) if fitting and others else None
-
-
-def ignored_diode(circuit: Circuit, rest: Rest, touches) -> Finding | None:
-    """Return the finding that a loaded matrix is driven through diodes that are not configured.
-
-    Args:
-        touches: (n, rows, cols) ADC ratio; NaN: not read.
-    """
-    at_rest, noise = rest.quiet(rest.adc[None])[0], max(rest.noise, ROUNDING_NOISE)
-    found = unknown_diode(circuit, readout.Touched(at_rest, noise, touches), rest.frames)
-    return found[0] if found else None
 
 
 def _network(circuit: Circuit, fitting: readout.Fitting | None) -> list[Finding]:

@@ -14,7 +14,6 @@ import numpy as np
 
 from ...calibration.rest import REST_SPAN, resting_conductance
 from ...findings.finding import Finding, Kind
-from ...physics.adc import Adc
 from ...physics.circuit import Circuit
 from ...physics.curve import PressureCurve
 from ...physics.readouts import DRIVEN, PASSIVE
@@ -52,11 +51,6 @@ class Touched(NamedTuple):
         """Return the same as it is read after a change."""
         rest, *touches = change.of(np.concatenate([self.rest[None], self.touches]))
         return Touched(rest, self.noise * change.scale, np.array(touches))
-
-    def read_by(self, adc: Adc) -> Touched:
-        """Return what a linear ADC was supposed to have read, if this one has."""
-        rest, touches = (adc.ratio(p * adc.circuit.full_scale) for p in (self.rest, self.touches))
-        return Touched(rest, self.noise, touches)
 
 
 class Fitting(NamedTuple):

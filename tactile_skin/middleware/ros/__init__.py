@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Topics and services of real ROS: 1 by rospy, 2 by rclpy, chosen when a node starts."""
+"""Topics, services and parameters of nodes on ROS 2, by rclpy."""

@@ -10,7 +10,7 @@ from ...files import shorten
 from ...yaml_files import parse_yaml
 from ..bus import Parameter
 from ..package import NODES
-from ..parameter_file import CONFIG, ParameterFile, last_of
+from ..parameter_file import CONFIG, ParameterFile
 
 PARAMS_FILE = "--params-file"
 _LAUNCH_ROS = "launch_params_"  # how launch_ros names the files that it writes
@@ -73,12 +73,14 @@ def _read(path: str) -> list[ParameterFile | Parameter]:
     not given, and says nothing.
     """
     file = ParameterFile(path)
-    (section, values), *others = [*file.sections.items()] or [("", {})]
-    if others or not file.path.name.startswith(_LAUNCH_ROS) or last_of(section) in NODES:
+    if len(file.sections) != 1 or not file.path.name.startswith(_LAUNCH_ROS):
+        return [file]
+    (section,) = file.sections
+    if section.node in NODES:
         return [file]  # a user's, also where launch_ros has carried out its substitutions
+    values = section.values
     named = [ParameterFile(values.pop(CONFIG), own=True)] if CONFIG in values else []
-    source = file.name_of(section)
-    return [*named, *(Parameter(k, v, source) for k, v in values.items() if v != "")]
+    return [*named, *(Parameter(k, v, section.name) for k, v in values.items() if v != "")]
 
 
 def _take(word: str, rest: list[str], args: RosArguments) -> None:

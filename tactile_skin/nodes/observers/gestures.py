@@ -10,6 +10,7 @@ import numpy as np
 from ...middleware.config import circuit_of, declared, geometry_of
 from ...msg import Header, Image, PointCloud2, String, cloud_columns, cloud_of, image_array
 from ...parameters.nodes import Gestures as Parameters
+from ...touch.episode import FEATURES
 from ...touch.model import load_model
 from ...touch.recogniser import STATES, Named, Recogniser
 from .. import QUEUE, READING, seconds
@@ -24,8 +25,9 @@ _SAME = 2.0  # pitches within which a gesture is of a touch in skin/contacts
 class Gestures:
     """Publishes the names of gestures.
 
-    Publishes skin/gesture, the name of a gesture once a decision, and skin/gesture_classes, a
-    point for each gesture that goes on or has just ended. It has no say in the stop.
+    Publishes skin/gesture, the name of a gesture once a decision; skin/gesture_classes, a point for
+    each gesture that goes on or has just ended; and skin/gestures, the features of each by which it
+    was judged last. It has no say in the stop.
     """
 
     def __init__(self, node):
@@ -37,6 +39,7 @@ class Gestures:
         self._contacts = np.zeros((0, 4))  # x, y, z [m], id
         self._name = node.create_publisher(String, "skin/gesture", 10)
         self._classes = node.create_publisher(PointCloud2, "skin/gesture_classes", 10)
+        self._features = node.create_publisher(PointCloud2, "skin/gestures", 10)
         node.on_set_parameters(self.on_parameters)
         node.create_subscription(Image, "skin/pressure_std", self.on_std, READING)
         node.create_subscription(PointCloud2, "skin/contacts", self.on_contacts, QUEUE)
@@ -61,6 +64,8 @@ class Gestures:
                 self._name.publish(String(gesture.label))
         if named and heard(self._classes):
             self._classes.publish(self._cloud(named, msg.header))
+        if named and heard(self._features):
+            self._features.publish(self._described(named, msg.header))
 
     def _cloud(self, named: list[Named], header: Header) -> PointCloud2:
         """Return a point per gesture.
@@ -87,6 +92,13 @@ class Gestures:
                 )
             )
         return cloud_of((*_FIELDS, *(f"p_{name}" for name in classes)), rows, header)
+
+    def _described(self, named: list[Named], header: Header) -> PointCloud2:
+        """Return a point per gesture: x, y, z [m], id, state, and `episode.FEATURES`."""
+        rows = [
+            (*self._position(g).tolist(), g.id, _CODE[g.state], *g.features.tolist()) for g in named
+        ]
+        return cloud_of(("x", "y", "z", "id", "state", *FEATURES), rows, header)
 
     def _position(self, gesture: Named) -> np.ndarray:
         row, col = (round(place) for place in gesture.place)

@@ -15,12 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ...errors import FirmwareError
-from ...physics.adc import Adc
-from ...physics.circuit import Circuit, forward
-from ...physics.curve import PressureCurve
-from .. import terminal
-from . import build
+from tactile_skin.board import terminal
+from tactile_skin.board.firmware import build
+from tactile_skin.errors import FirmwareError
+from tactile_skin.physics.adc import Adc
+from tactile_skin.physics.circuit import Circuit, forward
+from tactile_skin.physics.curve import PressureCurve
 
 CLOCK = 16_000_000  # Hz
 _ADC_STEPS = 1024.0  # that the chip reads at its reference, of which it sends 1023 at most
@@ -30,11 +30,20 @@ _BUFFER = 1 << 16  # bytes that chip.c keeps
 _TICK = 0.005  # s between two looks at the scene and at the port
 
 
+def _library(folder: Path) -> Path:
+    """Compile what is wired to the simulated chip, chip.c, against simavr's library."""
+    library, source = folder / "chip.so", Path(__file__).with_name("chip.c")
+    flags, libraries = ["-O2", "-Wall", "-Wextra", "-shared", "-fPIC"], ["-lsimavr", "-lelf", "-lm"]
+    packages = "gcc libc6-dev libsimavr-dev libelf-dev"
+    build.run(["gcc", *flags, source, "-o", library, *libraries], packages)
+    return library
+
+
 @functools.cache
 def _built(rows: int, cols: int, adc_mhz: int):
     """Return the library of chip.c, the firmware's binary, and the folder that keeps them."""
     folder = tempfile.TemporaryDirectory(prefix="tactile_skin")
-    library = ctypes.CDLL(str(build.chip_library(Path(folder.name))))
+    library = ctypes.CDLL(str(_library(Path(folder.name))))
     return library, build.firmware(Path(folder.name), rows, cols, adc_mhz), folder
 
 
