@@ -19,8 +19,9 @@ from ..calibration.creep import measure_creep
 from ..calibration.curve_fit import MAX_LAG, POOR, FittedCurve, fit_reference
 from ..calibration.rest import supposing
 from ..guide.calibrated import write
-from ..guide.calibration import OBJECT, Guide, newtons
+from ..guide.calibration import OBJECT, Guide
 from ..guide.sent import GLANCE, check_sent
+from ..guide.weight import newtons
 from ..middleware.config import SkinConfig, read_skin
 from ..recording.lines import read_reference
 from ..replay.sources import Live, Recorded

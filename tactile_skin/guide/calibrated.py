@@ -14,6 +14,7 @@ from ..middleware.parameter_file import ParameterFile
 from ..middleware.written import entered, replace_file
 from ..physics.creep import Creep
 from ..physics.curve import PressureCurve
+from ..physics.proof import Proof
 from .calibration import Guide
 
 
@@ -32,7 +33,7 @@ def write(path: Path, source: Path | None, guide: Guide, skin: SkinConfig) -> No
         f"noise of a reading: {guide.rest.noise:.2f} ADC steps",
     ]
     notes += [f"row {row}, column {col} is noisy" for row, col in guide.rest.noisy]
-    if guide.found:
+    if guide.found and guide.scaled:
         circuit["r_par"] = round(guide.circuit.r_par, 1)
         # Where it is not told the curve makes up for it: a running skin must know.
         if guide.found.told["r_par"] or guide.fitted:
@@ -52,11 +53,18 @@ def write(path: Path, source: Path | None, guide: Guide, skin: SkinConfig) -> No
             changes["curve"] |= {"creep": share, "creep_time": seconds}
     if guide.fitted:
         notes.append(guide.fitted.message)
+        changes["curve"] |= entries_of(guide.proof)
     if guide.creep:
         notes.append(
             f"a standing load gains {share:.1%} +- {guide.creep.std:.1%} in a decade of time"
         )
     replace_file(path, entered(source, changes, notes))
+
+
+def entries_of(proof: Proof) -> dict:
+    """Return the parameters curve.* of a proof; those of none say nothing of an earlier one."""
+    date = proof.date.isoformat() if proof.date else ""
+    return {"proof": proof.by, "proof_error": proof.error, "proof_date": date}
 
 
 def _given(source: Path | None) -> set[str]:

@@ -7,22 +7,25 @@ something does not count, and waits for a key; "b" leads a step back.
 
 from __future__ import annotations
 
-import re
+import datetime
 from collections.abc import Callable
 
 import numpy as np
 
+from ..calibration import proving
 from ..calibration.creep import measure_creep
 from ..calibration.curve_fit import FittedCurve, fit_curve
-from ..calibration.identify import Identified, identify
+from ..calibration.identify import Identified, identify, reads_alike
 from ..calibration.rest import Rest, measure_rest, supposing
 from ..calibration.touched import MOVED, stands_anew
 from ..health.doctor import ignored_diode, other_readout
 from ..health.doctor.advice import HARDEST
 from ..physics.circuit import Circuit
 from ..physics.creep import Creep
-from ..physics.curve import GRAM, PressureCurve
+from ..physics.curve import PressureCurve
+from ..physics.proof import NOTHING, UNPROVED, WEIGHT, Proof
 from ..solvers import compensate
+from .weight import newtons
 
 REST = 3.0  # s that the skin rests
 OBJECT = 1.0  # s for which an object stands
@@ -45,8 +48,7 @@ _PERSISTS = 4  # glances in a row for which a press does not count before it is 
 _PATIENCE = 20.0  # s without a new touch after which it asks whether to go on
 _COUNTED = 3  # s that are counted down before a measurement, in which hands leave the skin
 _BACK, _MORE = ("b", "back"), ("m", "more")
-_WEIGHT = re.compile(r"\s*([0-9]*[.,]?[0-9]+)\s*(g|kg|N)\s*$")
-_UNIT = {"g": GRAM, "kg": 1000.0 * GRAM, "N": 1.0}
+_PITCH = 0.018  # m, the paper's
 
 Frames = Callable[[float], np.ndarray]  # s -> (n, rows, cols) ADC ratio, of that time from now on
 Ask = Callable[[str], str]  # what to show -> what was typed
@@ -66,22 +68,30 @@ class Guide:
         say: Say,
         count_down: CountDown = lambda seconds: None,
         show: Show = lambda force: None,
+        *,
+        pitch: float = _PITCH,
+        known: Proof = Proof(),
+        today: Callable[[], datetime.date] = datetime.date.today,
     ):
         """Prepare the guided steps.
 
         Args:
             circuit: as it is configured.
+            pitch: of the cells [m].
+            known: what has proved the configured scale.
             count_down: before a measurement; recorded frames need none.
             show: takes the force (rows, cols) [N] of what was weighed last.
         """
         self._supposed, self._frames, self._ask, self._say = circuit, frames, ask, say
         self._count_down, self._show = count_down, show
+        self._pitch, self._known, self._today = pitch, known, today
         self._touches: list[np.ndarray] = []
         self.rest: Rest  # the untouched skin, once it is measured
         self.found: Identified | None = None  # as fitted and creep: what was learnt, None before
         self.unfit = ""  # what is doubted, where another circuit fits the touches as well
         self.fitted: FittedCurve | None = None
         self.creep: Creep | None = None
+        self.proof = known
 
     @property
     def circuit(self) -> Circuit:
@@ -103,9 +113,18 @@ class Guide:
         return word not in _BACK
 
     @property
+    def scaled(self) -> bool:
+        """Whether weights go with what the touches found, now or before."""
+        return self.fitted is not None or self._known.by != NOTHING
+
+    @property
     def learnt(self) -> list[str]:
-        """What the configuration did not say."""
-        names = [name for name, told in self.found.told.items() if told] if self.found else []
+        """What the configuration did not say, and is to be written.
+
+        Touches find resistances as multiples of r_ref: without a scale none of them is known.
+        """
+        told = self.found.told if self.found and self.scaled else {}
+        names = [name for name, yes in told.items() if yes]
         return names + ["curve"] * bool(self.fitted) + ["creep"] * bool(self.creep)
 
     def measure_creep(self, curve: PressureCurve) -> None:
@@ -197,6 +216,8 @@ class Guide:
         if len(touches) % _EVERY:
             self.found = identify(touches, self._supposed, self.rest)
             self._say(f"  {self.found.message}")
+        if self.found and (alike := reads_alike(self._supposed, self.found)):
+            self._say(f"  {alike}")
         self._check_readout(touches)
         if diode := ignored_diode(self.circuit, self.rest, np.array(touches)):
             self._say(f"  {diode} Until then this calibration is wrong.")
@@ -311,10 +332,6 @@ class Guide:
                 self._say("  That is enough. Enter alone ends; more objects make it better.")
         if len(weights) >= LEAST_OBJECTS and len(weights) % _EVERY and self._learn_by(frames):
             self._fit(frames, weights)
-        if self.fitted and self._series_open:
-            self._say(
-                "  Nothing tells r_par: the curve makes up for it, and is right with this one."
-            )
         if self.fitted and self.fitted.error > _USELESS:
             self._say(
                 f"  A total would be off by more than {_USELESS:.0%}: this curve is not kept. A "
@@ -322,12 +339,35 @@ class Guide:
                 "check these, and begin anew."
             )
             self.fitted = None
+        elif self.fitted:
+            used = np.delete(weights, self.fitted.odd)
+            self.prove(frames, used, lambda *by: fit_curve(np.array(frames), weights, *by))
         elif len(weights) < LEAST_OBJECTS:
             self._say(
                 f"  {len(weights)} objects: the curve stays that of the configuration; forces are "
                 "as good as it is."
             )
         return True
+
+    def prove(self, frames, loads, refit: proving.Refit) -> None:
+        """Say whether loads prove the fitted curve; arguments as of `proving.by_weights`."""
+        fitted, rest = self.fitted, supposing(self.rest, self.circuit)
+        assert fitted is not None
+        off = np.delete(fitted.off, fitted.odd)
+        used = proving.Skin(self.circuit, rest, fitted.curve, off)
+        error, why = proving.by_weights(
+            fitted, refit, used, frames, loads, self._touches, self._pitch
+        )
+        self.say_proof(error, self.unfit or why, f"{np.min(loads):.3g} to {np.max(loads):.3g} N")
+
+    def say_proof(self, error: float, why: str, proved: str) -> None:
+        """Say, and keep, that forces are proved, or why they are not."""
+        self.proof = Proof() if why else Proof(WEIGHT, round(error, 3), self._today())
+        if why:
+            self._say(f"  Not proved: {why}.")
+            self._say(f"  Until a weight proves it a stop counts {UNPROVED:g} times what is felt.")
+        else:
+            self._say(f"  Proved by {proved}: a force is right to {error:.0%} (standard deviation).")
 
     @property
     def _series_open(self) -> bool:
@@ -359,15 +399,6 @@ class Guide:
         found = compensate(frames[-1], self.circuit, curve, "map", missing=True)
         self._show(found.force)
         self._say(f"  felt: {found.force.sum():.1f} N of {weights[-1]:.1f} N")
-
-
-def newtons(text: str) -> float | None:
-    """ "500 g", "1,2 kg", "5 N" -> N; None: it is no weight above 0, or has no unit."""
-    match = _WEIGHT.match(text)
-    if not match:
-        return None
-    value = float(match[1].replace(",", ".")) * _UNIT[match[2]]
-    return value if value > 0.0 else None
 
 
 def _mean(frames: np.ndarray) -> np.ndarray:
