@@ -13,6 +13,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -105,8 +106,24 @@ class Known:
     r_par_std: float = np.inf
 
 
+class Gain(NamedTuple):
+    """What one weight shows.
+
+    Attributes:
+        factor: on the curve.
+        error: relative standard deviation of a force.
+        why: it is no proof; "": it is one.
+        more: whether more touches may make it one.
+    """
+
+    factor: float
+    error: float
+    why: str
+    more: bool
+
+
 def times(curve: PressureCurve, factor: float, shape: tuple[int, int]) -> PressureCurve:
-    """Return the curve of (rows, cols) cells that bear `factor` times the force, to the same end."""
+    """Return the curve of cells that bear `factor` times the force, to the same end."""
     gain = np.ones(shape) if curve.gain is None else curve.gain
     return curve.with_gain(factor * gain).up_to(curve.max_force)
 
@@ -136,19 +153,21 @@ def error_of(error: float, hardest: float, force: np.ndarray) -> float:
 
 
 def by_weights(
-    fitted: FittedCurve, refit: Refit, used: Skin, frames, loads, touches, pitch: float
+    fitted: FittedCurve, refit: Refit, circuit: Circuit, rest: Rest, frames, loads, touches, pitch
 ) -> tuple[float, str]:
     """Return the error that weights prove, and why they prove nothing; "": they do.
 
     Args:
         refit: (circuit, rest by it) -> what the same weights fit with it.
-        used: with the fitted curve.
+        circuit: with which the curve was fitted.
         frames: (n, rows, cols) ADC ratio of the weights, or of the hardest loads.
         loads: (m,) force of those that were used [N].
         touches: (k, rows, cols) ADC ratio of ordinary touches.
         pitch: of the cells [m].
     """
-    force = palms(used.circuit, pitch)
+    off = np.delete(fitted.off, fitted.odd)
+    used = Skin(circuit, supposing(rest, circuit), fitted.curve, off)
+    force = palms(circuit, pitch)
     hardest = float(used.cells(np.asarray(frames), float(np.max(loads))).max())
     error = error_of(fitted.error, hardest, force)
     if 2 * fitted.unexplained > fitted.off.size:
@@ -168,13 +187,11 @@ def by_weights(
         found = refit(circuit, rest)
         return found.curve, np.delete(found.off, found.odd)
 
-    return error, doubt(used, refitted, [*touches, *frames], error, hardest, force)
+    return error, doubt(used, refitted, [*touches, *frames], error, hardest, force)[0]
 
 
-def by_one_weight(
-    skin: Skin, frame, weight: float, touches, known: Known, pitch: float
-) -> tuple[float, float, str]:
-    """Return a factor on the curve, the error, and why it is no proof; "": it is one.
+def by_one_weight(skin: Skin, frame, weight: float, touches, known: Known, pitch: float) -> Gain:
+    """Return what one weight shows.
 
     Args:
         skin: with the curve as it is configured.
@@ -197,13 +214,16 @@ def by_one_weight(
     hardest = float(proved.cells(frame, weight).max()) if known.error is None else np.inf
     error = error_of(np.hypot(REPEATABLE, known.error or REPEATABLE), hardest, force)
     if not LEAST_FACTOR <= factor <= MOST_FACTOR:
-        return factor, error, (
+        return Gain(
+            factor,
+            error,
             f"{weight:.3g} N are felt as {weight / factor:.3g} N, a factor of {factor:.2f} "
             f"({LEAST_FACTOR:g} to {MOST_FACTOR:g} is allowed): an entry is off: r_ref, "
-            "adc_full_scale, supply, or the curve is another fabric's: run calibrate with weights"
+            "adc_full_scale, supply, or the curve is another fabric's: run calibrate with weights",
+            False,
         )
-    frames = [*touches, frame]
-    return factor, error, doubt(proved, gained, frames, error, hardest, force, known.r_par_std)
+    by = [*touches, frame], error, hardest, force, known.r_par_std
+    return Gain(factor, error, *doubt(proved, gained, *by))
 
 
 def _factor(skin: Skin, frame: np.ndarray, weight: float) -> float:
@@ -226,8 +246,8 @@ def doubt(
     hardest: float,
     force: np.ndarray,
     r_par_std: float = np.inf,
-) -> str:
-    """Return why the newtons of a skin are not proved; "": they are.
+) -> tuple[str, bool]:
+    """Return why the newtons of a skin are not proved, and whether more touches may do so.
 
     Args:
         used: with the curve by its weights.
@@ -240,7 +260,8 @@ def doubt(
     if error > MOST_ERROR:
         return (
             f"no weight loaded a cell by more than {hardest:.2g} N, a palm of {PALM:g} N does by "
-            f"{force.max():.2g} N: lay a heavier thing on, or one that stands on less area"
+            f"{force.max():.2g} N: lay a heavier thing on, or one that stands on less area",
+            False,
         )
     r_par = used.circuit.r_par
     wants = _wants(touches, used.circuit, used.rest)
@@ -248,7 +269,8 @@ def doubt(
         more = "more" if wants > 0.0 else "less"
         return (
             f"the touches show {more} resistance in series than r_par = {r_par:.0f} ohm: r_par, "
-            "r_ref, adc_full_scale, adc_table or the supply is another than entered"
+            "r_ref, adc_full_scale, adc_table or the supply is another than entered",
+            False,
         )
     most = r_par + CONTRADICTION * r_par_std
     for other in _others(used, curve_by, touches, most):
@@ -258,9 +280,10 @@ def doubt(
                 f"r_par may be {other.circuit.r_par:.0f} ohm as well as {r_par:.0f} (or r_ref, "
                 "adc_full_scale or the supply another than entered, which reads the same); then a "
                 f"palm of {PALM:g} N would be felt as {PALM * felt.min():.0f} N: press harder, at "
-                "more places and with more than a fingertip, or lay heavier things on"
+                "more places and with more than a fingertip, or lay heavier things on",
+                True,
             )
-    return ""
+    return "", False
 
 
 def _others(used: Skin, curve_by: CurveBy, touches, most: float) -> Iterator[Skin]:
@@ -298,7 +321,7 @@ def _excluded(off: np.ndarray, by: np.ndarray) -> bool:
 
 
 def _wants(touches, circuit: Circuit, rest: Rest) -> float:
-    """Standard deviations by which touches want more r_par than the circuit has; NaN: nothing."""
+    """Return by how many standard deviations touches want more r_par; NaN: they say nothing."""
     noise = max(rest.noise, ROUNDING_NOISE)
     supposed = Supposed(circuit, rest.conductance, SOFT, exact=True)
     each = (supposed.evidence(adc, noise) for adc in rest.quiet(np.asarray(touches)))

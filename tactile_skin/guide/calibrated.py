@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import datetime
 from pathlib import Path
+from typing import Any
 
 from .. import __version__
 from ..calibration.creep import as_it_comes
@@ -48,7 +49,7 @@ def write(path: Path, source: Path | None, guide: Guide, skin: SkinConfig) -> No
         curve, known = (guide.fitted.curve, None) if guide.fitted else by_file
         curve = as_it_comes(curve, Creep(share, seconds), known)
         # Limits of the file, as stop_on_push.peak, lie on the curve that it had.
-        changes["curve"] = _points(curve.up_to(skin.curve.max_force))
+        changes["curve"] = points(curve.up_to(skin.curve.max_force))
         if share:
             changes["curve"] |= {"creep": share, "creep_time": seconds}
     if guide.fitted:
@@ -59,6 +60,11 @@ def write(path: Path, source: Path | None, guide: Guide, skin: SkinConfig) -> No
             f"a standing load gains {share:.1%} +- {guide.creep.std:.1%} in a decade of time"
         )
     replace_file(path, entered(source, changes, notes))
+
+
+def known_of(skin: SkinConfig) -> dict[str, Any]:
+    """Return what a guide is to know of a skin besides its circuit."""
+    return {"pitch": skin.geometry.pitch, "known": skin.proof}
 
 
 def entries_of(proof: Proof) -> dict:
@@ -73,7 +79,8 @@ def _given(source: Path | None) -> set[str]:
     return {name.removeprefix("circuit.") for values in sections for name in values}
 
 
-def _points(curve: PressureCurve) -> dict:
+def points(curve: PressureCurve) -> dict:
+    """Return the parameters curve.* of a curve."""
     described = curve.describe()
     return {
         "force": [round(float(v), 5) for v in described["force"]],
