@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import yaml
 from support.lab.unknown import Unknown
-from support.weights import bodies, known
+from support.strangers.sim import finger
+from support.weights import known
 from test_guide import Person
 
 from tactile_skin.commands import calibrate
@@ -26,7 +27,7 @@ CONFIG = """# my mat
   ros__parameters:
     circuit: {{rows: 10, cols: 10, r_ref: {r_ref}, r_par: {r_par}, r_line: {r_line}}}  # measured
     geometry: {{shape: plane}}
-stop_on_push: {{ros__parameters: {{limit: 30.0}}}}
+stop_on_push: {{ros__parameters: {{debounce: 0.02}}}}
 """
 
 
@@ -35,8 +36,7 @@ class Presses(Person):
 
     def __init__(self, board, weight: float):
         super().__init__(board, (), shape=SHAPE)
-        (laid,) = bodies(1, SHAPE, np.random.default_rng(8))
-        self._laid = laid * (weight / laid.sum())
+        self._laid = finger(SHAPE, 4.6, 5.2, weight, 1.0)
         self._touches = [2.0 * touch for touch in self._touches]
 
     def ask(self, text: str) -> str:
