@@ -158,8 +158,8 @@ MECHANISMS = (
         (_finds("health.rest_picture:RestPicture.findings", ""),),
     ),
     Mechanism(
-        "rest picture.shift", "the picture at rest stands at another height",
-        (), (_finds("health.rest_picture:RestPicture.findings", "shift"),),
+        "bits", "a bit of the ADC is stuck, live",
+        (f"{_HEALTH}/bits.py",), (_finds("health.bits:Bits.findings"),),
     ),
     Mechanism(
         "ceiling.frame", "the largest readings stand still while others do not",

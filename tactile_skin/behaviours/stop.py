@@ -155,6 +155,7 @@ class StopPolicy:
         self._above_since: float | None = None
         self._held_until: float | None = None  # a push is on while this is set
         self._faults: dict[str, Reason] = {}
+        self.stands = ""  # what a touch that stands without moving may be
         self._was_free = False
         self._latched: Reason | None = None  # of the stop that waits for a reset
 
@@ -280,7 +281,7 @@ class StopPolicy:
             self._latched = reason
 
     def _causes(self, t: float) -> list[Reason]:
-        reasons = [Reason(Cause.PUSH)] if self.pushed else []
+        reasons = [Reason(Cause.PUSH, self.stands)] if self.pushed else []
         reasons += [reason for _, reason in sorted(self._faults.items())]
         fresh = -MAX_AHEAD <= t - self._newest <= self.stale_after
         if not (fresh and self._steady):

@@ -11,6 +11,7 @@ from ..calibration.touched import TOUCHED
 from ..findings.finding import Finding, Kind, Severity
 from ..physics.adc import Adc
 from ..solvers import Estimate
+from .bits import Bits
 from .ceiling import Ceiling
 from .check import Check, Seen, Windows
 from .doubt import LARGE, Doubt
@@ -18,9 +19,19 @@ from .loose_lines import LooseLines
 from .odd_cells import OddCells
 from .rest_picture import RestPicture
 from .sent import Sent
+from .standing import Standing
 from .untouched import Untouched
 
-CHECKS: list[type[Check]] = [Sent, RestPicture, Ceiling, Untouched, OddCells, LooseLines]
+CHECKS: list[type[Check]] = [
+    Sent,
+    Bits,
+    RestPicture,
+    Ceiling,
+    Untouched,
+    OddCells,
+    LooseLines,
+    Standing,
+]
 
 
 class Monitor:

@@ -190,6 +190,7 @@ class Compensation:
             "method": self._method,
             diagnostics.WAITING: str(self._waiting).lower(),
             diagnostics.UNKNOWN_SERIES: f"{self.skin.hidden_series:.1f}",
+            diagnostics.STANDS: self.skin.stands,
             "skipped": self.skipped,
         }
         if self._finding:

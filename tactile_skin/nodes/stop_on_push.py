@@ -230,6 +230,7 @@ class StopOnPush:
                 message = (status.message or "error") if bad else ""
                 self.policy.fault(status.name, message, waiting)
                 self._learn(status.name, values)
+                self.policy.stands = values.get(diagnostics.STANDS, self.policy.stands)
                 if simulated := values.get(diagnostics.SIMULATED):
                     self._simulated = simulated == "true"
                     self._warn_of_curve(values.get("frames", "0") != "0")
