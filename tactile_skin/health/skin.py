@@ -242,7 +242,7 @@ class Skin:
     @property
     def stands(self) -> str:
         """What a touch that stands without moving may be; empty: none does."""
-        return next((str(f) for f in self._monitor.findings() if f.form in STANDS), "")
+        return next((str(f) for f in self._monitor.findings() if f.form == STANDS), "")
 
     @property
     def fault(self) -> bool:

@@ -19,7 +19,7 @@ _FIRST = (
 )
 _SOON = 10.0  # s that such a touch stands when it is said,
 _LONG = 120.0  # and any other
-STANDS = "from the start", "stands"  # forms of what is found
+STANDS = "stands"  # form of what is found
 
 
 class Standing(Check):
@@ -32,7 +32,8 @@ class Standing(Check):
     def forget(self) -> None:
         """Begin again."""
         self.found: Finding | None = None
-        self._since, self._picture = np.inf, None
+        self._since = np.inf  # s
+        self._picture: np.ndarray | None = None  # (rows, cols) that it had then [N]
 
     def frame(self, seen: Seen) -> None:
         t, force = seen.t, np.asarray(seen.estimate.force)
@@ -43,18 +44,16 @@ class Standing(Check):
             return
         self._first = t if self._first == -np.inf else self._first
         self._looked = t
-        moved = self._picture is None or (
-            np.abs(force - self._picture).sum() > _MOVED * self._picture.sum()
-        )
-        if moved or force.max() < TOUCHED:
+        picture, touched = self._picture, force.max() >= TOUCHED
+        if picture is None or np.abs(force - picture).sum() > _MOVED * picture.sum() or not touched:
             self.forget()
-            if force.max() >= TOUCHED:
+            if touched:
                 self._since, self._picture = t, force
             return
         early = self._since - self._first < _FIRST
         if t - self._since >= (_SOON if early else _LONG):
-            # they do not change: each new reason of a stop calls every hook
-            numbers = {"force": float(self._picture.sum()), "seconds": _LONG}
-            form = STANDS[0 if early else 1]
-            place = largest(self._picture)
-            self.found = Finding(Kind.LOADED, form, **place, numbers=numbers)
+            # it does not change: each new reason of a stop calls every hook
+            numbers = {"force": float(picture.sum())}
+            since = "since the start" if early else f"for {_LONG:g} s or longer"
+            place = largest(picture)
+            self.found = Finding(Kind.LOADED, STANDS, **place, numbers=numbers, detail=since)
