@@ -73,9 +73,10 @@ class Bits(Check):
     def frame(self, seen: Seen) -> None:
         if seen.window is None:
             return
-        if self._before is not None or (seen.rest is not None and self.found is None):
-            rest = self._before
-            self._look(seen.window, self._adc.rising_count(seen.rest) if rest is None else rest)
+        if self._before is not None:
+            self._look(seen.window, self._before)
+        elif seen.rest is not None and self.found is None:
+            self._look(seen.window, self._adc.rising_count(seen.rest))
         if self.found is None:
             self._count(seen.window)
 

@@ -82,7 +82,8 @@ class Monitor:
 
     def _misses(self, adc, estimate: Estimate) -> bool:
         """Whether a frame misses by more than `LARGE`, and by more than it has changed."""
-        times = estimate.finding.numbers.get("times", 0.0) if estimate.finding else 0.0
+        finding = estimate.finding
+        times = finding.numbers.get("times", 0.0) if isinstance(finding, Finding) else 0.0
         if self._last is None or not float(times) > LARGE:
             return False
         change = np.nan_to_num(adc - self._last) * self._adc.circuit.full_scale
