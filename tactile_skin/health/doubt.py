@@ -18,9 +18,9 @@ _FAULT = _WINDOW // 2  # suspect frames among them that make a fault,
 _OVER = _FAULT // 2  # and that end it
 # Times its noise by which a frame misses what stands, that is a fault at once. A frame is explained
 # at least as well as by the picture before it, which it misses by what its readings have changed
-# since: so far a touch that moves while rows are read may miss. Chosen on 20 sound streams (rows read in
-# 10 to 80 ms, seed 7): of 12800 frames 150 missed by more, the most by 39 times the noise, and none
-# of them by more than 0.46 of its change.
+# since: so far a touch that moves while rows are read may miss. Chosen on 20 sound streams (rows
+# read in 10 to 80 ms, seed 7): of 12800 frames 150 missed by more, the most by 39 times the noise,
+# and none of them by more than 0.46 of its change.
 LARGE = 5.0
 _REST_SECONDS = 1.0  # s of rest without a suspect frame after which a fault under one touch is over
 _VALID_SECONDS = 0.5  # s of touch without a suspect frame after which any fault is
