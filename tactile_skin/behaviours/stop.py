@@ -13,8 +13,8 @@ from enum import Enum
 from typing import NamedTuple
 
 from ..fields import Checked, parameter
+from .let_go import Pressing
 from .pace import RESUMED, Pace
-from .standing import Standing
 
 _STEADY = 3  # readings in a row, none late, that end "stale",
 _STEADY_FOR = 0.02  # s that they take: what was kept in a buffer meanwhile comes in one burst
@@ -160,8 +160,9 @@ class StopPolicy:
         self.unknown = ""  # why a force may be more than is felt, in words
         self._words = ""  # of the push that is on
         self._above = -math.inf  # s, when it was above `release` last
-        self._standing, self._standing_peak = Standing(), Standing()
+        self._pressing, self._pressing_peak = Pressing(), Pressing()
         self._faults: dict[str, Reason] = {}
+        self.stands = ""  # what a touch that stands without moving may be
         self._was_free = False
         self._latched: Reason | None = None  # of the stop that waits for a reset
 
@@ -202,8 +203,8 @@ class StopPolicy:
                 self._held_until = t + self.config.hold
             self._lates = self._olds = 0
             self._pace.forget()
-            self._standing.begin()
-            self._standing_peak.begin()
+            self._pressing.begin()
+            self._pressing_peak.begin()
         if not (0.0 <= force < math.inf and 0.0 <= peak < math.inf):
             self.fault("reading", f"invalid force: {force} N in all, {peak} N on one cell")
             return self.decide(t)
@@ -223,8 +224,8 @@ class StopPolicy:
         ahead = force + share * max(0.0, force - self._force)
         self._newest, self._force, self._peak = stamp, force, peak
         self._felt = force if felt is None else felt
-        self._standing.take(stamp, force)
-        self._standing_peak.take(stamp, peak)
+        self._pressing.take(stamp, force)
+        self._pressing_peak.take(stamp, peak)
         if self._steady:
             self._lates = self._olds = 0
         if ahead >= config.threshold or peak >= config.peak:
@@ -249,7 +250,7 @@ class StopPolicy:
         """Whether what pressed was let go, and did not only fade."""
         limits = self.config
         peak = limits.peak * limits.release / limits.threshold
-        return self._standing.force <= limits.release and self._standing_peak.force <= peak
+        return self._pressing.force <= limits.release and self._pressing_peak.force <= peak
 
     def _hold(self, stamp: float) -> None:
         """Begin a push, or go on with it: a reading of this time is above a limit."""
@@ -313,8 +314,8 @@ class StopPolicy:
         """Free a latched stop; while a cause of it lasts it stays, and the causes are returned."""
         over = self._force <= self.config.release and self._above_since is None
         if self.pushed and over and not self._let_go:
-            self._standing.begin()  # somebody has checked what only faded
-            self._standing_peak.begin()
+            self._pressing.begin()  # somebody has checked what only faded
+            self._pressing_peak.begin()
             self._held_until = None
         causes = self._causes(t)
         if not causes:
@@ -328,7 +329,8 @@ class StopPolicy:
             self._latched = reason
 
     def _causes(self, t: float) -> list[Reason]:
-        reasons = [Reason(Cause.PUSH, self._words)] if self.pushed else []
+        words = "; ".join(filter(None, [self._words, self.stands]))
+        reasons = [Reason(Cause.PUSH, words)] if self.pushed else []
         reasons += [reason for _, reason in sorted(self._faults.items())]
         fresh = -MAX_AHEAD <= t - self._newest <= self.stale_after
         if not (fresh and self._steady):

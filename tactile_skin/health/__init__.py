@@ -6,4 +6,5 @@ check.py    what a check is, and sees       ceiling.py    does the input saturat
 sent.py     is it what an ADC reads?        untouched.py  the rest, compared with what it was
 doubt.py    when doubt is a fault           odd_cells.py  a cell that no touch moves so
 rest_picture.py  is a matrix read at all?   loose_lines.py  a line that opens again
+bits.py      is a bit of the ADC stuck?       standing.py  what stands without moving
 """

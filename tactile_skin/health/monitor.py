@@ -5,20 +5,33 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from ..calibration.touched import TOUCHED
 from ..findings.finding import Finding, Kind, Severity
 from ..physics.adc import Adc
 from ..solvers import Estimate
+from .bits import Bits
 from .ceiling import Ceiling
 from .check import Check, Seen, Windows
-from .doubt import Doubt
+from .doubt import LARGE, Doubt
 from .loose_lines import LooseLines
 from .odd_cells import OddCells
 from .rest_picture import RestPicture
 from .sent import Sent
+from .standing import Standing
 from .untouched import Untouched
 
-CHECKS: list[type[Check]] = [Sent, RestPicture, Ceiling, Untouched, OddCells, LooseLines]
+CHECKS: list[type[Check]] = [
+    Sent,
+    Bits,
+    RestPicture,
+    Ceiling,
+    Untouched,
+    OddCells,
+    LooseLines,
+    Standing,
+]
 
 
 class Monitor:
@@ -29,6 +42,7 @@ class Monitor:
         self._adc, self._threshold = adc, threshold
         self._windows = Windows(adc.circuit.adc_bits)
         self._why = ""
+        self._last: np.ndarray | None = None  # the frame before, as ADC ratio
         self.begin_anew()
         self.forget_doubts()
 
@@ -56,13 +70,24 @@ class Monitor:
         """Take a frame, as `Seen` has it; `judged`: its status says something of the circuit."""
         suspect = estimate.status == "suspect"
         if suspect or judged:
-            self._doubt.frame(t, suspect, bool(estimate.force.max() >= TOUCHED))
+            touched = bool(estimate.force.max() >= TOUCHED)
+            self._doubt.frame(t, suspect, touched, suspect and self._misses(adc, estimate))
+        self._last = adc
         self._why = str(estimate.message) if suspect else self._why
         rising = self._adc.rising(samples)
         window = self._windows.frame(rising)
         seen = Seen(t, samples, rising, adc, estimate, stirs, rest, noise, window)
         for check in self._checks:
             check.frame(seen)
+
+    def _misses(self, adc, estimate: Estimate) -> bool:
+        """Whether a frame misses by more than `LARGE`, and by more than it has changed."""
+        finding = estimate.finding
+        times = finding.numbers.get("times", 0.0) if isinstance(finding, Finding) else 0.0
+        if self._last is None or not float(times) > LARGE:
+            return False
+        change = np.nan_to_num(adc - self._last) * self._adc.circuit.full_scale
+        return bool(estimate.residual > np.sqrt(np.square(change).mean()))
 
     def misfit(self, finding: Finding | None, *, past: bool = True) -> list[Finding]:
         """Return the doubt of the last frame, or of `past` ones; a fault if it lasts."""

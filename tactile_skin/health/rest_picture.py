@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether a matrix is read at all: cells of a fabric rest apart, and that picture is its own.
 
-Where all readings are alike no matrix is read. Where the picture stands at another height a bit of
-the ADC is stuck: whatever presses changes each cell by its own.
+Where all readings are alike no matrix is read.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ from scipy.special import gammaincinv
 from ..findings.finding import Finding, Kind, Severity
 from ..physics.adc import Adc
 from ..solvers.reading import FEW
-from .check import ABOVE, CALM, WINDOW, Check, Seen
+from .check import CALM, WINDOW, Check, Seen
 
 _ALIKE = 3.0  # times that readings at rest are further apart than now, which makes a fault,
 _STILL_ALIKE = 2.0  # and which ends it
@@ -48,11 +47,7 @@ class RestPicture(Check):
     def _look(self, now: np.ndarray, rest: np.ndarray, noise: float) -> Finding | None:
         """Return what (n,) mean readings show, whose noise is known [ADC steps]."""
         most = rest.std() / (_STILL_ALIKE if self.found else _ALIKE)
-        up = float(np.median(now - rest))
-        if now.var() - noise**2 < most**2:
-            kind, form, numbers = Kind.NO_SIGNAL, "", {"steps": float(now.mean())}
-        elif abs(up) > max(ABOVE, np.median(rest) / _ALIKE) and (now - rest).std() < most:
-            kind, form, numbers = Kind.BITS, "shift", {"steps": up}
-        else:
+        if now.var() - noise**2 >= most**2:
             return None
-        return Finding(kind, form, severity=Severity.FAULT, numbers=numbers)
+        numbers = {"steps": float(now.mean())}
+        return Finding(Kind.NO_SIGNAL, severity=Severity.FAULT, numbers=numbers)

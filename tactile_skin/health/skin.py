@@ -26,6 +26,7 @@ from ..physics.proof import UNPROVED
 from ..solvers import METHODS, Estimate, compensate
 from ..solvers.reading import ROUNDING_NOISE, SCAN_NOISE, rest_reading
 from .monitor import Monitor
+from .standing import STANDS
 
 _LEARNED = "cnn", "physics"  # methods that use weights: they know the circuit of their training
 _BOUNDED = "map", "auto"  # methods that take a reading as a bound, and do without one
@@ -253,6 +254,11 @@ class Skin:
     def unrested(self) -> Finding | None:
         """Why the rest is not measured yet; None: it is, or nothing keeps it from being."""
         return None if self._tare.measured else self._tare.found
+
+    @property
+    def stands(self) -> str:
+        """What a touch that stands without moving may be; empty: none does."""
+        return next((str(f) for f in self._monitor.findings() if f.form == STANDS), "")
 
     @property
     def fault(self) -> bool:

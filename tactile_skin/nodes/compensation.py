@@ -240,6 +240,7 @@ class Compensation:
             diagnostics.PROOF: self._proof,
             diagnostics.UNKNOWN: " ".join(self._unknown()),
             diagnostics.UNKNOWN_SERIES: f"{self.skin.hidden_series:.1f}",
+            diagnostics.STANDS: self.skin.stands,
             "skipped": self.skipped,
         }
         if self._finding:

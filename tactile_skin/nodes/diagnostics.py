@@ -23,6 +23,7 @@ SCALE, SERIES, ENDS = "scale", "series", "ends"
 PROOF = "proof"  # key of a value: what showed that the newtons are right, or none
 # keys of what was found: its kind and form, and the lines that it is about, separated by spaces
 KIND, FORM, ROWS, COLS = "kind", "form", "rows", "cols"
+STANDS = "stands"  # key of a value: what a touch that stands without moving may be; or none
 SIMULATED = "simulated"  # key of a value, true or false: the readings are of a simulated board
 
 

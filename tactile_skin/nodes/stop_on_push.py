@@ -205,6 +205,7 @@ class StopOnPush:
                 message = (status.message or "error") if bad else ""
                 self.policy.fault(status.name, message, waiting)
                 self._learn(values)
+                self.policy.stands = values.get(diagnostics.STANDS, self.policy.stands)
                 if simulated := values.get(diagnostics.SIMULATED):
                     self._simulated = simulated == "true"
         decision = self.policy.decide(now(self.node))

@@ -32,9 +32,9 @@ def test_every_kind_has_words_and_others_are_refused():
 
 
 def test_findings_are_equal_whatever_their_numbers_are():
-    one, later = (Finding(Kind.BITS, "shift", numbers={"steps": n}) for n in (3.0, 4.0))
+    one, later = (Finding(Kind.ALL_CELLS, "", numbers={"share": n}) for n in (3.0, 4.0))
     assert one == later and str(one) != str(later)
-    assert one != Finding(Kind.BITS, "shift", severity=Severity.FAULT, numbers={"steps": 3.0})
+    assert one != Finding(Kind.ALL_CELLS, "", severity=Severity.FAULT, numbers={"share": 3.0})
 
 
 def test_faults_come_first_and_then_what_the_board_sends():

@@ -1,9 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """When doubt is a fault, and what proves it gone."""
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
+from tactile_skin import Circuit
+from tactile_skin.findings.finding import Finding, Kind
 from tactile_skin.health.doubt import Doubt
+from tactile_skin.health.monitor import Monitor
+from tactile_skin.physics.adc import Adc
 
 FRAME = 0.01  # s
 
@@ -126,3 +133,20 @@ def test_a_clock_that_is_set_back_keeps_a_fault_no_longer_than_its_rest(skin):
     skin.feel(0.5, suspect=True, touched=True)
     skin.t -= 3600.0
     assert skin.feel(1.2)[-1] is False
+
+
+@pytest.mark.parametrize(("times", "stands", "stops"), [(8, True, 1), (4, True, 0), (20, False, 0)])
+def test_one_frame_that_misses_a_standing_touch_by_much_is_a_fault(times, stands, stops):
+    """A touch that moves is read row by row: it misses by less than it has changed."""
+    circuit = Circuit(4, 4)
+    monitor, residual = Monitor(Adc(circuit), 0.0), 0.5 * times
+    misfit = Finding(Kind.MISFIT, numbers={"residual": residual, "times": times})
+    sound = {"status": "ok", "finding": None, "message": "", "residual": 0.5}
+    wrong = {"status": "suspect", "finding": misfit, "message": "wrong", "residual": residual}
+    for k in range(40):
+        steps = np.full((4, 4), 100.0 if k < 39 or stands else 115.0)
+        said = SimpleNamespace(**(wrong if k == 39 else sound), force=steps / 100.0, aside=None)
+        samples, ratio = (64.0 * steps).astype(np.uint16), steps / circuit.full_scale
+        given = {"judged": True, "stirs": True, "rest": None, "noise": 0.5 / circuit.full_scale}
+        monitor.frame(0.01 * k, samples, ratio, said, **given)
+        assert monitor.doubtful == (k == 39 and stops) or k < 20

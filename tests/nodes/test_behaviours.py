@@ -215,14 +215,15 @@ def test_latch_and_reset():
     assert robot.live(0.2)[-1, 0] == 0.3
     robot.felt = scenes.finger(16, 16, 7.5, 7.5, 60.0, 2.2)
     robot.live(0.5)
-    assert robot.reason == "push + latched: push"
-    assert robot.reset() == (False, "still stopped: push")
+    push, latched = robot.reason.split(" + ")
+    assert push.startswith("push: 24 N") and latched == f"latched: {push}"
+    assert robot.reset() == (False, f"still stopped: {push}")
     robot.wish = (-0.3, 0.0, 0.0)  # who asks for a latch wants the robot to stand
     assert not robot.live(0.1).any()
-    assert robot.why() == "motion withheld: push + latched: push"
+    assert robot.why() == f"motion withheld: {push} + {latched}"
     robot.wish, robot.felt = (0.3, 0.0, 0.0), np.zeros((16, 16))
     assert not robot.live(1.0).any()
-    assert robot.reason == "latched: push"
+    assert robot.reason == latched
     assert robot.reset() == (True, "free")
     assert robot.live(0.1)[-1, 0] == 0.3
     assert robot.reason == ""
@@ -453,7 +454,8 @@ def test_the_live_line_tells_where_it_is_led(capsys):
     robot.felt = scenes.finger(16, 16, 7.5, 7.5, 60.0, 2.2)
     robot.live(1.0)
     monitor.live_line()
-    assert "STOP push  cmd_vel (-0.30 +0.00 m/s +0.00 rad/s)" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "STOP push: " in said and "cmd_vel (-0.30 +0.00 m/s +0.00 rad/s)" in said
 
 
 # --- events ---

@@ -572,4 +572,3 @@ def test_newtons_that_nothing_proved_are_said_to_be_so(caplog, proof, warns):
         status = DiagnosticStatus(0, "compensation", "ok", "", values)
         stop.on_diagnostics(DiagnosticArray(Header(), [status]))
     assert caplog.text.count("tactile-skin calibrate --gain 1.0") == warns
-

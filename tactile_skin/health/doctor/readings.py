@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d
@@ -14,6 +13,7 @@ from ...calibration.rest import NOISY, NOISY_STEPS
 from ...findings.finding import Finding, Kind, at, lines
 from ...physics.adc import Adc
 from ...solvers.suspect import BELOW_REST, LINE_OPEN
+from ..bits import EMPTY, GAP_READINGS, HIGH_GAP, gaps
 from ..ceiling import Ceiling
 from ..check import Windows
 from .recorded import Recorded
@@ -21,17 +21,12 @@ from .recorded import Recorded
 SEVERAL = 30  # readings, of so many
 SEVERAL_CELLS = 3  # cells, that a bit or a ceiling takes: fewer are single cells' faults
 # Readings that lie where a stuck bit cannot put them, over those of the emptier neighbour. Of low
-# bits the means over some scans fill the gap, on sound boards there are as many or more; into that
-# of high ones readings of a stuck bit leap without standing there, and hard fingers on sound boards
-# leave 0.05 or more.
+# bits the means over some scans fill the gap, on sound boards there are as many or more.
 _LOWEST_BIT = 2  # below, noise and averaging fill every gap
 _HIGHEST_LOW_BIT = 4
 _LOW_GAP = 0.5
-_HIGH_GAP = 0.03
 _STANDING = 3  # frames in which a reading stands
-_GAP_READINGS = 200  # on either side of the gaps, at least; of frames that say anything new
 _AT_REST = 48  # ADC steps about its rest in which a reading does not count, at most
-_EMPTY = 0.02  # of the readings may lie in the gap of a top bit
 # A wrong bit about whose edge untouched cells rest, where a reading is the mean of some samples:
 # share of the variance of their noise that it explains at least.
 _EXPLAINED = 0.9
@@ -71,14 +66,14 @@ def _stuck_bits(seen: Recorded, top: tuple[float, Finding] | None) -> list[Findi
 
     for bit in range(_LOWEST_BIT, bits):
         low = bit <= _HIGHEST_LOW_BIT
-        below = (new < (1 << bit) - width).mean() > _EMPTY
-        of = [_gaps(moved, bit) for moved in histograms(_rest_of(bit))]
+        below = (new < (1 << bit) - width).mean() > EMPTY
+        of = [gaps(moved, bit) for moved in histograms(_rest_of(bit))]
         for kept, (all_, once, still) in enumerate(zip(*of, strict=True)):
             if kept and below:
                 continue  # a bit that is always 1 leaves no reading below it
             still = all_ if low else still
             # A hand that stands still fills no gap: evidence is what was read once.
-            gap = once.near >= _GAP_READINGS and still.share < (_LOW_GAP if low else _HIGH_GAP)
+            gap = once.near >= GAP_READINGS and still.share < (_LOW_GAP if low else HIGH_GAP)
             if gap or (bit == bits - 1 and all_.empty and folded and (kept or lacking)):
                 numbers = {"bit": bit, "kept": kept, "share": all_.share}
                 found.append(Finding(Kind.BITS, "gap", numbers=numbers))
@@ -112,17 +107,9 @@ def _leaping_bit(seen: Recorded) -> list[Finding]:
     bit, noise = found
     every, base = seen.steps[:, seen.read], seen.base[seen.read]
     moved = _moved(every, base, _rest_of(bit), seen.circuit.adc_bits)
-    zero, one = _gaps(moved, bit)  # both ends' leaps look alike
+    zero, one = gaps(moved, bit)  # both ends' leaps look alike
     numbers = {"bit": bit, "kept": one.share < zero.share, "noise": noise, "width": 1 << bit}
     return [Finding(Kind.BITS, "leaps", numbers=numbers)]
-
-
-class _Gap(NamedTuple):
-    """Where the other value of a bit would put readings."""
-
-    near: float  # readings beside it, on the emptier side
-    share: float  # of readings within, over that
-    empty: bool  # whether there is next to none within
 
 
 def _rest_of(bit: int) -> int:
@@ -136,24 +123,6 @@ def _moved(steps: np.ndarray, base: np.ndarray, rest: int, bits: int) -> np.ndar
     moved = steps[np.abs(steps - base) > rest]
     counts = np.clip(np.rint(moved), 0, (1 << bits) - 1).astype(np.int32)
     return np.bincount(counts, minlength=1 << bits).astype(float)
-
-
-def _gaps(moved: np.ndarray, bit: int) -> list[_Gap]:
-    """Return the gap of a bit that is always 0, and of one that is always 1.
-
-    Args:
-        moved: how many readings there are at each step.
-    """
-    margin = min((1 << bit) // 4, 4)  # noise at a block's ends
-    each = moved.reshape(-1, 1 << bit)[:, margin : (1 << bit) - margin].sum(1)
-    found = []
-    for kept in (0, 1):
-        gap, beside = each[1 - kept :: 2], each[kept::2]
-        inner = gap[1:] if kept else gap[:-1]  # those between two others
-        near = float(np.minimum(beside[:-1], beside[1:]).sum())
-        empty = bool(moved.any() and gap.sum() <= _EMPTY * each.sum())
-        found.append(_Gap(near, float(inner.sum() / max(near, 1.0)), empty))
-    return found
 
 
 def ceiling(seen: Recorded) -> tuple[float, Finding] | None:

@@ -17,7 +17,7 @@ _FALLS_TO = 2.0 / 3.0  # of what it was then
 _FALLS_BY = 0.1  # of the largest
 
 
-class Standing:
+class Pressing:
     """Follows how much of what pressed was not let go; all times are of one clock [s].
 
     Attributes:
