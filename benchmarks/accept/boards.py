@@ -80,6 +80,8 @@ def draw(wired: str, k: int, seed, proof: str = "none", creep: bool = True) -> C
     if wired == "floating" and n == min(CELLS):
         board.matrix.wiring = Wiring.ideal(circuit, rng.uniform(0.0, STRIPE))
     given = configured(protocol, readout, noise)
+    if rng.integers(2):
+        del given["compensation"]  # its owner leaves `noise` as it is shipped: it is measured
     for node in ("compensation", "gesture_feature", "stop_on_push"):
         of = _curve(curve) | {
             "curve.proof": proof,
@@ -173,7 +175,9 @@ WRONG = {  # name -> what is done to a case, the readouts on which it can be
     "a stuck bit": (stuck, WIRED),
 }
 LAWS = "exponential", "linear", "steps"
-ZEROS = 0.0, 100.0, 600.0, None  # what is added to a reading [ADC steps]; None: the mean at rest
+# what is added to a reading [ADC steps]; None: the mean at rest, which no reading gives away
+ZEROS = None, 600.0, None, 100.0, None, 0.0
+OLD = 0.0, 0.05  # of a baseline: what a fabric's rest moves by in days
 _SPAN = 0.3  # of the range, that a linear baseline goes in its time
 _STEPS = 3  # of a baseline in its time, half of the way each
 
@@ -184,9 +188,13 @@ class MovingZero:
     Args:
         law: one of LAWS; seconds: in which the baseline follows.
         zero: one of ZEROS.
+        old: relative RMS by which the baseline is off at the start, one of an earlier day.
     """
 
-    def __init__(self, board: FaultBoard, law: str, seconds: float, zero: float | None):
+    def __init__(
+        self, board: FaultBoard, law: str, seconds: float, zero: float | None, old: float = 0.0
+    ):
+        self.rng, self.old = board.rng, old
         self.one = 2**board.fraction_bits  # ADC step
         self.top = self.one * board.circuit.full_scale
         self.law, self.seconds, self.zero = law, seconds, zero
@@ -197,7 +205,8 @@ class MovingZero:
     def __call__(self, sent: Sent) -> Sent:
         read = sent.samples / self.one
         if self.base is None:
-            self.base, self.t = read.copy(), sent.t
+            self.t = sent.t
+            self.base = read * np.exp(self.old * self.rng.standard_normal(read.shape))
             self.zero = read.mean() if self.zero is None else self.zero
         printed = np.rint((read - self.base + self.zero) * self.one)
         ahead, passed = read - self.base, sent.t - self.t

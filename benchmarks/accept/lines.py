@@ -316,7 +316,11 @@ LINES = (
         "moving",
         "palms of 45 N on boards that move their zero",
         _boards(presses.moving, MOVING),
-        (Asked("boards held until let go", "held", "boards", 1.0, True), *_PALMS),
+        (
+            Asked("boards held until let go", "held", "boards", 1.0, True),
+            Asked("boards free before the first palm", "live", "boards"),
+            *_PALMS,
+        ),
     ),
     Line(
         "proved",
