@@ -10,7 +10,9 @@ examples:
   python -m benchmarks.accept --list
   python -m benchmarks.accept --data FOLDER --json new.json # with recordings of others
 
-To measure another commit: copy this folder into a worktree of it, and run it there with --json.
+Times are of this machine alone: run `frame` and `stop` while nothing else does. To measure another
+commit: copy this folder into a worktree of it, and run it there with --json. Two hours of sound
+boards: python -m benchmarks.faults --faults --minutes 120.
 """
 
 from __future__ import annotations
