@@ -27,7 +27,7 @@ from ..faults.reliability import configured
 WIRED = "floating", "loaded", "grounded", "virtual_ground"
 RATES = 12.0, 20.0, 25.0, 40.0, 100.0  # frames a second, the first three of 16 x 16
 STRIPE = 6.0  # ohm, at most; of floating boards of 8 x 8: others take minutes to solve
-R_PAR_STD = 3.0  # ohm, that calibrate writes beside a proof, as a rule
+R_PAR_STD = 3.0  # ohm, that calibrate writes with a proof, as a rule
 CREEP = 0.1, 0.25  # share of a decade: reviews of real fabric find 0.1 to 0.4
 BEGINS = 0.03  # s after which it does, by the same
 SETTLED = 1.0  # s of a load to which the true curve belongs
