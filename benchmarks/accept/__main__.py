@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What must not get worse, in one table: frozen streams, seeds and bounds.
 
-Beside each figure stand that of e6d30719 and the bound that is asked for, and whether it is met.
+Next to each figure stand that of e6d30719 and the bound that is asked for, and whether it is met.
 "worse" and "better" are said where the difference to e6d30719 is more than other seeds make.
 
 examples:
@@ -10,7 +10,9 @@ examples:
   python -m benchmarks.accept --list
   python -m benchmarks.accept --data FOLDER --json new.json # with recordings of others
 
-To measure another commit: copy this folder into a worktree of it, and run it there with --json.
+Times are of this machine alone: run `frame` and `stop` while nothing else does. To measure another
+commit: copy this folder into a worktree of it, and run it there with --json. Two hours of sound
+boards: python -m benchmarks.faults --faults --minutes 120.
 """
 
 from __future__ import annotations
@@ -45,7 +47,7 @@ def measure(line: Line, args, share: float, track=lambda tasks: tasks) -> list[F
     return line.figures(results)
 
 
-def beside(figure: Figure, before: dict | None) -> tuple[str, str]:
+def next_to(figure: Figure, before: dict | None) -> tuple[str, str]:
     """Return the figure of before, and what became of it."""
     if before is None:
         return "", ""
@@ -101,7 +103,7 @@ def main(arguments=None) -> dict:
         begun, spent = time.monotonic(), _processor()
         figures = measure(line, args, share, extras.tqdm())
         for figure in figures:
-            was, change = beside(figure, before.get(line.name, {}).get(figure.name))
+            was, change = next_to(figure, before.get(line.name, {}).get(figure.name))
             met = {None: "", True: "MET", False: "NOT MET"}[figure.met]
             cells = line.name, figure.name, text(figure), was, change, bound(figure), met
             print(f"| {' | '.join(cells)} |", flush=True)

@@ -27,6 +27,7 @@ from ..faults.reliability import configured
 WIRED = "floating", "loaded", "grounded", "virtual_ground"
 RATES = 12.0, 20.0, 25.0, 40.0, 100.0  # frames a second, the first three of 16 x 16
 STRIPE = 6.0  # ohm, at most; of floating boards of 8 x 8: others take minutes to solve
+R_PAR_STD = 3.0  # ohm, that calibrate writes with a proof, as a rule
 CREEP = 0.1, 0.25  # share of a decade: reviews of real fabric find 0.1 to 0.4
 BEGINS = 0.03  # s after which it does, by the same
 SETTLED = 1.0  # s of a load to which the true curve belongs
@@ -80,12 +81,16 @@ def draw(wired: str, k: int, seed, proof: str = "none", creep: bool = True) -> C
     if wired == "floating" and n == min(CELLS):
         board.matrix.wiring = Wiring.ideal(circuit, rng.uniform(0.0, STRIPE))
     given = configured(protocol, readout, noise)
+    if rng.integers(2):
+        del given["compensation"]  # its owner leaves `noise` as it is shipped: it is measured
     for node in ("compensation", "gesture_feature", "stop_on_push"):
         of = _curve(curve) | {
             "curve.proof": proof,
             "curve.proof_error": 0.05,
             "curve.proof_date": datetime.date.today().isoformat() if proof != "none" else "",
         }
+        if proof != "none":
+            of["circuit.r_par_std"] = R_PAR_STD
         known = all_names(node)  # an older checkout knows no proof
         given[node] = given.get(node, {}) | {k: v for k, v in of.items() if k in known}
     return Case(board, circuit, given, rng, rng.uniform(*CREEP) if creep else 0.0)
@@ -173,7 +178,9 @@ WRONG = {  # name -> what is done to a case, the readouts on which it can be
     "a stuck bit": (stuck, WIRED),
 }
 LAWS = "exponential", "linear", "steps"
-ZEROS = 0.0, 100.0, 600.0, None  # what is added to a reading [ADC steps]; None: the mean at rest
+# what is added to a reading [ADC steps]; None: the mean at rest, which no reading gives away
+ZEROS = None, 600.0, None, 100.0, None, 0.0
+OLD = 0.0, 0.05  # of a baseline: what a fabric's rest moves by in days
 _SPAN = 0.3  # of the range, that a linear baseline goes in its time
 _STEPS = 3  # of a baseline in its time, half of the way each
 
@@ -184,9 +191,13 @@ class MovingZero:
     Args:
         law: one of LAWS; seconds: in which the baseline follows.
         zero: one of ZEROS.
+        old: relative RMS by which the baseline is off at the start, one of an earlier day.
     """
 
-    def __init__(self, board: FaultBoard, law: str, seconds: float, zero: float | None):
+    def __init__(
+        self, board: FaultBoard, law: str, seconds: float, zero: float | None, old: float = 0.0
+    ):
+        self.rng, self.old = board.rng, old
         self.one = 2**board.fraction_bits  # ADC step
         self.top = self.one * board.circuit.full_scale
         self.law, self.seconds, self.zero = law, seconds, zero
@@ -197,7 +208,8 @@ class MovingZero:
     def __call__(self, sent: Sent) -> Sent:
         read = sent.samples / self.one
         if self.base is None:
-            self.base, self.t = read.copy(), sent.t
+            self.t = sent.t
+            self.base = read * np.exp(self.old * self.rng.standard_normal(read.shape))
             self.zero = read.mean() if self.zero is None else self.zero
         printed = np.rint((read - self.base + self.zero) * self.one)
         ahead, passed = read - self.base, sent.t - self.t

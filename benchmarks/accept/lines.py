@@ -81,7 +81,7 @@ class Asked(NamedTuple):
     take: Callable[[Any], float] | None = None
 
     def figure(self, results: list[dict]) -> Figure | None:
-        """Return the figure; None: no result tells it."""
+        """Return the figure; None: no result has it."""
         values = [result[self.key] for result in results if self.key in result]
         if not values:
             return None
@@ -97,7 +97,7 @@ class Line:
 
     Attributes:
         tasks: (seed, share of all streams, folder of recordings) -> list of (function, arguments).
-        alone: whether it measures time, so that nothing may run beside it.
+        alone: whether it measures time, so that nothing else may run.
     """
 
     name: str
@@ -316,7 +316,11 @@ LINES = (
         "moving",
         "palms of 45 N on boards that move their zero",
         _boards(presses.moving, MOVING),
-        (Asked("boards held until let go", "held", "boards", 1.0, True), *_PALMS),
+        (
+            Asked("boards held until let go", "held", "boards", 1.0, True),
+            Asked("boards free before the first palm", "live", "boards"),
+            *_PALMS,
+        ),
     ),
     Line(
         "proved",

@@ -9,7 +9,7 @@ from support.lab import touches
 from support.lab.board import KNOTS
 
 from ..faults.reliability import SOON, Record, fails, play
-from .boards import LAWS, WRONG, ZEROS, Case, MovingZero, crept, draw, pressed, stuck
+from .boards import LAWS, OLD, WRONG, ZEROS, Case, MovingZero, crept, draw, pressed, stuck
 
 PALM = 45.0  # N
 PUSH = touches.PUSH  # N that a limit is set to
@@ -122,9 +122,8 @@ def moving(wired: str, k: int, seed) -> dict:
     rng = case.rng
     seconds = float(np.exp(rng.uniform(*np.log((1.0, 60.0)))))
     case.board.rate = min(case.board.rate, 25.0)  # text, as a rule; a stream is long
-    case.board.tamper = MovingZero(
-        case.board, LAWS[k % len(LAWS)], seconds, ZEROS[k // len(LAWS) % len(ZEROS)]
-    )
+    law, zero = LAWS[k % len(LAWS)], ZEROS[k // len(LAWS) % len(ZEROS)]
+    case.board.tamper = MovingZero(case.board, law, seconds, zero, float(rng.choice(OLD)))
     scene = Scene(case)
     scene.wait(REST)
     if rng.integers(2):
@@ -133,8 +132,10 @@ def moving(wired: str, k: int, seed) -> dict:
         hold = float(np.clip(rng.uniform(0.8, 2.0) * seconds, 4.0, 20.0))
         scene.add(PALM * pressed("palm", scene.shape, rng), _course(0.2, hold, rng))
         scene.wait(3.0)
-    found = held(scene.play()[0], scene)
-    return {"boards": 1, "held": found["free"] == 0} | found
+    record, _ = scene.play()
+    found = held(record, scene)
+    live = bool((~record.stopped[: scene.spans[0][0]]).any())
+    return {"boards": 1, "held": found["free"] == 0, "live": live} | found
 
 
 def pushes(proof: str, wired: str, k: int, seed) -> dict:

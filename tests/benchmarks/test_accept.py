@@ -32,7 +32,7 @@ def test_results_are_added_up_and_what_no_task_tells_is_left_out():
 )
 def test_what_other_seeds_make_is_neither_worse_nor_better(today, word):
     before = {"value": 5, "of": 200}
-    assert accept.beside(Figure("missed", today, 200, 0.0), before) == ("5 of 200", word)
+    assert accept.next_to(Figure("missed", today, 200, 0.0), before) == ("5 of 200", word)
 
 
 def counted(stopped) -> dict:
