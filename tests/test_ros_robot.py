@@ -48,7 +48,7 @@ def skins(ports: dict[str, str]):
             for item in node["remap"]:
                 words += ["-r", f"{item['from']}:={item['to']}"]
             for item in node["param"]:
-                value = item["value"].replace("$(dirname)", str(FOLDER))
+                value = str(item["value"]).replace("$(dirname)", str(FOLDER))
                 value = value.replace(f"$(var {side}_port)", ports[side])
                 words += ["-p", f"{item['name']}:={value}"]
             yield side, program("skin", *words, "-p", "tare:=false")

@@ -54,14 +54,16 @@ class Section:
     def concerns(self, full_name: str) -> bool:
         """Whether it is for the node of this full name."""
         space, _, name = full_name.strip("/").rpartition("/")
-        return self.namespace in (None, space) and self.node in ("", name)
+        if self.node:
+            return self.namespace in (None, space) and self.node == name
+        return self.namespace is None or f"{space}/".startswith(f"{self.namespace}/")
 
 
 class ParameterFile:
     """A ROS 2 parameter file: ``node_name: {ros__parameters: {...}}``, ``/**`` for every node.
 
-    Each is for every node, ``/**``; for a node in any namespace, ``/**/stop_on_push``; or for the
-    one of this full name, which may stand within its namespace.
+    Each is for every node, ``/**`` or, of a namespace, ``/left/**``; for a node in any namespace,
+    ``/**/stop_on_push``; or for the one of this full name, which may stand within its namespace.
 
     ``skins:`` names those of a body. What a skin has, circuit, curve, geometry, port and the
     parameters of nodes by their names, is for the nodes in its namespace, and wins over what its
@@ -130,17 +132,20 @@ class ParameterFile:
                 f"{self.path}: {name}: must hold ros__parameters and nothing else{hint}"
             )
         where = f"{self.path}: {name}"
-        namespace, _, node = name.strip("/").rpartition("/")
-        any_of_name = namespace == "**" or name == "/**"
-        ours = self.own or node in CLASSES or "*" in node
-        if ours and "*" in (name.removeprefix("/**") if any_of_name else name):
+        names = name.strip("/").split("/")
+        literal = [one for one in names if one != "**"]
+        ours = self.own or names[-1] in CLASSES or "*" in names[-1]
+        strange = "*" in "".join(literal) or names.count("**") > 1 or "**" in names[1:-1]
+        if ours and strange:
             raise FileError(
-                f"{where}: must be /**, /**/NODE or a node's full name; the skins of a body stand "
-                f"under {SKINS}"
+                f"{where}: must be /**, /NAMESPACE/**, /**/NODE or a node's full name; the skins "
+                f"of a body stand under {SKINS}"
             )
+        node = "" if names[-1] == "**" else literal.pop()
+        namespace = None if names[0] == "**" else "/".join(literal)
         values = section["ros__parameters"]
         flat = _flat({} if values is None else values, where)
-        read = Section(where, None if any_of_name else namespace, node.removeprefix("**"), flat)
+        read = Section(where, namespace, node, flat)
         for other in self.sections:
             if (other.namespace, other.node) == (read.namespace, read.node):
                 other_name = other.name.removeprefix(f"{self.path}: ")

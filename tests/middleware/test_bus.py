@@ -647,12 +647,12 @@ def test_topics_are_listed_with_their_types(bench):
     ]
 
 
-def test_a_tap_hears_at_once_and_what_was_latched(bench):
+def test_a_listener_hears_at_once_and_what_was_latched(bench):
     """In the publisher's thread: nothing spins here."""
     publisher, heard = bench.node("a").create_publisher(Bool, "topic", LATCHED), []
     publisher.publish(Bool(True))
     watcher = bench.node("b")
-    watcher.create_tap(Bool, "topic", heard.append)
+    watcher.create_listener(Bool, "topic", heard.append)
     publisher.publish(Bool(False))
     assert values(heard) == [True, False]
     watcher.destroy_node()
@@ -660,24 +660,24 @@ def test_a_tap_hears_at_once_and_what_was_latched(bench):
     assert len(heard) == 2
 
 
-def test_a_mailbox_keeps_the_newest_until_they_are_taken(bench):
+def test_a_listener_without_a_callback_keeps_the_newest_until_they_are_taken(bench):
     """And wakes nobody: nothing spins here."""
     publisher = bench.node("a").create_publisher(Bool, "topic", 10)
-    mailbox = bench.node("b").create_mailbox(Bool, "topic", 2)
+    listener = bench.node("b").create_listener(Bool, "topic", None, 2)
     for value in (True, True, False):
         publisher.publish(Bool(value))
-    assert values(mailbox.take()) == [True, False]
-    assert mailbox.take() == []
+    assert values(listener.take()) == [True, False]
+    assert listener.take() == []
 
 
-def test_a_tap_that_raises_is_counted_and_does_not_reach_the_publisher(bench, caplog):
+def test_a_listener_that_raises_is_counted_and_does_not_reach_the_publisher(bench, caplog):
     publisher, heard = bench.node("a").create_publisher(Bool, "topic", 1), []
 
     def broken(message):
         raise RuntimeError("broken")
 
     watcher = bench.node("b")
-    watcher.create_tap(Bool, "topic", broken)
+    watcher.create_listener(Bool, "topic", broken)
     bench.node("c").create_subscription(Bool, "topic", heard.append, 10)
     for _ in range(3):
         publisher.publish(Bool(True))

@@ -104,8 +104,8 @@ def test_a_skin_whose_stop_says_no_more_than_that_it_stops_stops_the_body():
 
 def test_a_body_that_lags_reads_the_newest_of_each_skin_and_no_older_ones():
     skins, contacts, wrenches = TwoSkins(), [], []
-    skins.body.node.create_tap(PointCloud2, "/skin/contacts", contacts.append)
-    skins.body.node.create_tap(WrenchStamped, "/skin/wrench", wrenches.append)
+    skins.body.node.create_listener(PointCloud2, "/skin/contacts", contacts.append)
+    skins.body.node.create_listener(WrenchStamped, "/skin/wrench", wrenches.append)
     for newton in range(1, WAITING + 1):
         skins.clock.advance(0.01)
         skins.publish(newton, newton)

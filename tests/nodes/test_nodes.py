@@ -39,6 +39,7 @@ from tactile_skin.msg import (
     image,
     image_array,
 )
+from tactile_skin.nodes import diagnostics
 from tactile_skin.nodes.compensation import Compensation
 from tactile_skin.nodes.gesture_feature import GestureFeature
 from tactile_skin.nodes.observers.monitor import Monitor

@@ -45,7 +45,9 @@ def write(path, without=()):
     said = []
     for topic, kind in TOPICS.items():
         if topic != "/skin/adc":
-            observer.create_tap(kind, topic, lambda m, topic=topic: said.append((now(), topic, m)))
+            observer.create_listener(
+                kind, topic, lambda m, topic=topic: said.append((now(), topic, m))
+            )
 
     def now():
         return bench.clock.now().nanoseconds

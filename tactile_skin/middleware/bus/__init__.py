@@ -15,7 +15,7 @@ from .parameters import ANYTHING, SET_PARAMETERS, Parameter, SetParameters
 from .topics import (
     Context,
     DurabilityPolicy,
-    Mailbox,
+    Listener,
     Publisher,
     QoSProfile,
     ReliabilityPolicy,
@@ -27,7 +27,7 @@ __all__ = [
     "SET_PARAMETERS",
     "Context",
     "DurabilityPolicy",
-    "Mailbox",
+    "Listener",
     "ManualClock",
     "MultiThreadedExecutor",
     "Node",

@@ -18,11 +18,10 @@ from .parameters import ANYTHING, SET_PARAMETERS, Parameter, SetParameters, chec
 from .topics import (
     Context,
     DurabilityPolicy,
-    Mailbox,
+    Listener,
     Publisher,
     QoSProfile,
     Subscription,
-    Tap,
     as_qos,
     default_context,
     type_name,
@@ -136,17 +135,12 @@ class Node:
         self._wake.set()
         return subscription
 
-    def create_tap(
-        self, msg_type, topic: str, callback, qos_profile: QoSProfile | int = _LATCHED
-    ) -> Tap:
-        """Subscribe with a callback that runs in the publisher's thread; rclpy has none."""
+    def create_listener(
+        self, msg_type, topic: str, callback=None, qos_profile: QoSProfile | int = _LATCHED
+    ) -> Listener:
+        """Subscribe in the publisher's thread, as `Listener` says; rclpy has no such thing."""
         name = self.resolve_topic_name(topic)
-        return self._added(Tap(self, msg_type, name, callback, as_qos(qos_profile)))
-
-    def create_mailbox(self, msg_type, topic: str, qos_profile: QoSProfile | int) -> Mailbox:
-        """Subscribe without a callback: what has come is taken when it is wanted."""
-        name = self.resolve_topic_name(topic)
-        return self._added(Mailbox(self, msg_type, name, as_qos(qos_profile)))
+        return self._added(Listener(self, msg_type, name, callback, as_qos(qos_profile)))
 
     def create_timer(self, timer_period_sec: float, callback) -> Timer:
         if not timer_period_sec > 0:

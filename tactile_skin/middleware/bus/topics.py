@@ -6,7 +6,6 @@ from __future__ import annotations
 import enum
 import threading
 from collections import defaultdict, deque
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -150,8 +149,21 @@ class Subscription:
         return self.callback, (self._queue.popleft(),), None
 
 
-class Tap(Subscription):
-    """Calls back at once, in the publisher's thread, and wakes nobody: for what only queues."""
+class Listener(Subscription):
+    """Hears messages in the publisher's thread, and wakes nobody: for what only looks on.
+
+    A callback is called at once. Without one the newest are kept, as many as its depth, until they
+    are taken.
+
+    Attributes:
+        keeps: whether it has no callback.
+        fetch: what puts in what has come from another process, before what is kept is taken.
+    """
+
+    def __init__(self, node: Node, msg_type: type, topic: str, callback, qos: QoSProfile):
+        self._kept: deque = deque(maxlen=qos.depth)
+        self.keeps, self.fetch = callback is None, _nothing
+        super().__init__(node, msg_type, topic, callback or self._kept.append, qos)
 
     def put(self, message) -> None:
         try:
@@ -159,20 +171,11 @@ class Tap(Subscription):
         except Exception as error:  # it must not reach the publisher
             self._node._report(self.callback, error)
 
-
-class Mailbox(Tap):
-    """Keeps the newest messages, as many as its depth, until they are taken; wakes nobody.
-
-    Attributes:
-        fetch: what puts in what has come from another process.
-    """
-
-    def __init__(self, node: Node, msg_type: type, topic: str, qos: QoSProfile):
-        self._kept: deque = deque(maxlen=qos.depth)
-        self.fetch: Callable[[], None] = lambda: None
-        super().__init__(node, msg_type, topic, self._kept.append, qos)
-
     def take(self) -> list:
         """Return what has come since the last time, oldest first."""
         self.fetch()
         return [self._kept.popleft() for _ in range(len(self._kept))]
+
+
+def _nothing() -> None:
+    """Fetch nothing: all is in this process."""

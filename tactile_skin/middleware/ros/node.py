@@ -153,16 +153,16 @@ class RosNode(bus.Node):
         self._kinds[topic] = kind = ros_class(msg_type)
         taker = _isolated(f"a message on {topic}", arrived)
         qos = _qos(subscription.qos_profile)
-        mailbox = isinstance(subscription, bus.Mailbox)
+        keeps = isinstance(subscription, bus.Listener) and subscription.keeps
         theirs = self.ros.create_subscription(
             kind,
             topic,
             taker,
             qos,
-            callback_group=_no_callbacks() if mailbox else None,
+            callback_group=_no_callbacks() if keeps else None,
             qos_overriding_options=_overridable(),
         )
-        if mailbox:
+        if keeps:
             subscription.fetch = lambda: _take_all(theirs, taker)
         unmapped = topic.removeprefix(f"{self.get_namespace().rstrip('/')}/")
         if unmapped in SOURCES:

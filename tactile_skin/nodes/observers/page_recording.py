@@ -62,7 +62,7 @@ class PageRecording:
         self._recorder.start()
         for topic, kind in cdr.new_topics(self.node, self._heard):
             if topic.startswith(self._here) or topic == "/diagnostics":
-                self.node.create_tap(kind, topic, functools.partial(self._take, topic))
+                self.node.create_listener(kind, topic, functools.partial(self._take, topic))
         return True, "recording; press again to end it"
 
     def _take(self, topic: str, message) -> None:

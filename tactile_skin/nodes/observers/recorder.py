@@ -58,7 +58,7 @@ class RecorderNode:
     def _listen(self) -> None:
         """Subscribe to the topics that are new."""
         for topic, kind in cdr.new_topics(self.node, self._heard):
-            self.node.create_tap(kind, topic, functools.partial(self._take, topic))
+            self.node.create_listener(kind, topic, functools.partial(self._take, topic))
 
     def _take(self, topic: str, message) -> None:
         t = self._now()

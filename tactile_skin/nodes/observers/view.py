@@ -133,7 +133,9 @@ class ShownSkin:
         self._stop_at = -math.inf  # s, when its stop was heard last
         self._sent = 0.0, 0.0  # stamp of the last snapshot, and when it was sent
         self._readings = {
-            topic: node.create_mailbox(kind, f"{space}{topic}", replace(READING, depth=count))
+            topic: node.create_listener(
+                kind, f"{space}{topic}", None, replace(READING, depth=count)
+            )
             for topic, (kind, count) in readings.items()
         }
         for topic, (kind, qos) in others.items():
@@ -152,8 +154,8 @@ class ShownSkin:
         """Send what there is, unless it was sent just now."""
         if not self.page.watched:
             return
-        for topic, mailbox in self._readings.items():
-            for message in mailbox.take():
+        for topic, listener in self._readings.items():
+            for message in listener.take():
                 self._collector.take(topic, message)
         snapshot, t = self._collector.snapshot(), time.monotonic()
         stamp, at = self._sent
