@@ -33,6 +33,7 @@ class Kind(str, Enum):
     ZEROS = "zeros"
     NO_SIGNAL = "no signal"
     BITS = "bits"
+    HUM = "hum"
     SATURATION = "saturation"
     POLARITY = "polarity"
     NO_PICTURE = "no picture"

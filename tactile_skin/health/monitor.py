@@ -20,7 +20,7 @@ from .odd_cells import OddCells
 from .rest_picture import RestPicture
 from .sent import Sent
 from .standing import Standing
-from .untouched import Untouched
+from .untouched import Hum, Untouched
 
 CHECKS: list[type[Check]] = [
     Sent,
@@ -31,6 +31,7 @@ CHECKS: list[type[Check]] = [
     OddCells,
     LooseLines,
     Standing,
+    Hum,
 ]
 
 
@@ -105,8 +106,10 @@ class Monitor:
         return self._doubt.fault
 
     def findings(self) -> list[Finding]:
-        """Return what the checks find."""
-        return [finding for check in self._checks for finding in check.findings()]
+        """Return what the checks find; a hum moves all cells at once, and no supply."""
+        found = [finding for check in self._checks for finding in check.findings()]
+        hums = any(finding.kind is Kind.HUM for finding in found)
+        return [f for f in found if not (hums and f.kind is Kind.ALL_CELLS)]
 
     @property
     def held(self) -> str:

@@ -8,6 +8,7 @@ cell for cell, as of a multiplexer or leads that were exchanged.
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +17,7 @@ from scipy.special import ndtri
 from ..calibration.at_rest import LINE_FALL
 from ..calibration.rest import resting_conductance
 from ..calibration.tare import DRIFT, DRIFT_UNSEEN
+from ..calibration.touched import TOUCHED
 from ..findings.finding import Finding, Kind, Severity, lines
 from ..physics import readouts
 from ..physics.adc import Adc
@@ -39,6 +41,15 @@ _OTHER = 4.0  # standard deviations of chi^2 up to which it is the other line
 _ALIKE = 10.0
 _LEAST = 0.1  # ADC steps that a mean may be off: the rest is measured anew only from there on
 _DITHER = 0.4  # ADC steps RMS of noise that average rounding away: with less it is off by that
+
+# A hum: standard deviations of the common level that a swing exceeds,
+_SWING = 6.0
+_LEAST_SWING = 0.5  # and ADC steps;
+_SWINGS = 4  # up and down, in a row,
+_SWINGS_ALIKE = (
+    2.5  # times that the largest and the longest of them are the smallest and the shortest
+)
+_LATELY = 60.0  # s in which they come
 
 
 class Untouched(Check):
@@ -173,3 +184,63 @@ def _another_line(
             numbers = {"other": float(beyond[k].argmin())}
             return Finding(Kind.SWAPPED, "live", **lines(axis, k), numbers=numbers)
     return None
+
+
+class Hum(Check):
+    """Follows the level that all readings have in common: mains hum lets it rise and fall.
+
+    At 50 frames a second a hum of 50 Hz is a slow wave: the difference of two clocks. A supply that
+    changes goes one way and stays; fabric that warms up, too.
+    """
+
+    def __init__(self, adc: Adc, threshold: float = 0.0):
+        self._cells, self._full = adc.circuit.populated, adc.circuit.full_scale
+        self.forget()
+
+    def forget(self) -> None:
+        self.found: Finding | None = None
+        self._swings: deque[tuple[float, float, float]] = deque(maxlen=_SWINGS)  # end, s, steps
+        self._way, self._turned = 0.0, (-np.inf, 0.0)  # +-1; s and steps of the last turn
+        self._extreme = (-np.inf, 0.0)  # the farthest that it came since
+
+    def frame(self, seen: Seen) -> None:
+        if seen.rest is None or seen.estimate.force.max() >= TOUCHED:
+            return
+        off = (seen.adc - seen.rest)[self._cells]
+        if np.isnan(off).all():
+            return
+        level = float(np.nanmedian(off)) * self._full
+        # of a median of so many readings
+        chance = 1.25 * seen.noise * self._full / np.count_nonzero(self._cells) ** 0.5
+        self._follow(seen.t, level, max(_SWING * chance, _LEAST_SWING))
+        lately = seen.t - self._swings[0][0] < _LATELY if self._swings else False
+        sizes, lengths = ([swing[k] for swing in self._swings] for k in (2, 1))
+        hums = (
+            hums
+            and max(sizes) < _SWINGS_ALIKE * min(sizes)
+            and max(lengths) < _SWINGS_ALIKE * min(lengths)
+        )
+        numbers = {
+            "steps": 0.5 * max(sizes, default=0.0),
+            "seconds": 2.0 * max(lengths, default=0.0),
+        }
+        self.found = Finding(Kind.HUM, numbers=numbers) if hums else None
+
+    def _follow(self, t: float, level: float, least: float) -> None:
+        """Take the level at t; a turn is known once it has come back by more than `least`."""
+        if t < self._extreme[0]:  # the clock was set back
+            self.forget()
+        at, extreme = self._extreme
+        if not self._way:
+            if at == -np.inf:
+                self._extreme = self._turned = t, level
+            elif abs(level - extreme) > least:
+                self._way = np.sign(level - extreme)
+                self._turned, self._extreme = (-np.inf, extreme), (t, level)
+        elif (level - extreme) * self._way > 0.0:
+            self._extreme = t, level
+        elif abs(level - extreme) > least:
+            began, before = self._turned
+            if np.isfinite(began):
+                self._swings.append((at, at - began, abs(extreme - before)))
+            self._turned, self._extreme, self._way = (at, extreme), (t, level), -self._way
