@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..physics.circuit import Circuit
-from ..solvers.evidence import HARD, SOFT, Evidence, Supposed, series_scale
+from ..solvers.evidence import HARD, RELEVANT, SOFT, Evidence, Supposed, series_scale
 from ..solvers.reading import ROUNDING_NOISE
 from ..solvers.suspect import BEYOND
 from .rest import Rest, check_frames, mask_of, supposing
@@ -258,6 +258,21 @@ def _unknown_rest(rest: Rest, supposed: Supposed) -> np.ndarray:
     noisy = mask_of(rest.noisy, supposed.rest.shape)
     quiet = supposed.rest[supposed.circuit.populated & ~noisy]
     return (noisy * quiet.std()).ravel()
+
+
+def reads_alike(supposed: Circuit, found: Identified) -> str:
+    """Return what else than the r_par that was found explains the frames; "": it is as supposed."""
+    value, given, std = found.circuit.r_par, supposed.r_par, found.std["r_par"]
+    relevant = max(CONTRADICTION * std, RELEVANT * series_scale(supposed))
+    if not found.told["r_par"] or abs(value - given) <= relevant:
+        return ""
+    other = "another supply or adc_full_scale than entered"
+    if given > 0.0 < value:
+        other = f"r_ref = {supposed.r_ref * given / value:.0f} ohm, or {other}"
+    return (
+        f"r_par is configured as {given:.0f} ohm. With it {other} reads the same: measure these. "
+        "Weights make newtons right either way; without them none of it is written."
+    )
 
 
 def _identified(circuit: Circuit, solution: Solution, ended: int) -> Identified:

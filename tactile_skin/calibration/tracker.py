@@ -215,9 +215,9 @@ class CircuitTracker:
             value, before = given + off[k], given + beside[k]
             numbers = {"value": value, "std": std[k], "given": before}
             # readings tell resistances as multiples of r_ref: they fit its own value as well
-            alike = before / value - 1.0 if k == 0 and value > 0.0 else np.inf
-            or_r_ref = form == "learnt" and abs(alike) <= POSSIBLE["r_par"]
-            how = f"{form}, or r_ref" if or_r_ref else form
+            alike = before / value - 1.0 if value > 0.0 else np.inf
+            either = f"{form}, or {'r_ref' if min(before, value) > 0.0 else 'scale'}"
+            how = either if form == "learnt" and k == 0 else form
             numbers |= {"alike": 100.0 * alike}  # %
             said = Finding(Kind.CIRCUIT, how, severity=severity, numbers=numbers, detail=name)
             found.append(said)

@@ -18,14 +18,18 @@ from ..arguments import split
 from ..calibration.creep import measure_creep
 from ..calibration.curve_fit import MAX_LAG, POOR, FittedCurve, fit_reference
 from ..calibration.rest import supposing
-from ..guide.calibrated import write
-from ..guide.calibration import OBJECT, Guide, newtons
+from ..guide.calibrated import known_of, write
+from ..guide.calibration import OBJECT, Guide
+from ..guide.gain import measure_gain, write_gain
 from ..guide.sent import GLANCE, check_sent
+from ..guide.weight import newtons
 from ..middleware.config import SkinConfig, read_skin
 from ..recording.lines import read_reference
 from ..replay.sources import Live, Recorded
 
 _NAME = "tactile-skin calibrate"
+_HARDEST = 10  # touches under a scale, among which is its hardest load
+_LIGHTEST = 0.02  # of its largest force, above which it counts as a load
 _SHADES = " .:-=+*#%@"
 _OF_BOARD = {"port": str, "baud": int, "protocol": str}
 _OF_FILES = {
@@ -43,6 +47,7 @@ EXAMPLES = (
     "  tactile-skin calibrate --config mine.yaml --out calibrated.yaml\n"
     "  tactile-skin calibrate --config mine.yaml --out mine.yaml port:=/dev/ttyUSB0\n"
     "  tactile-skin calibrate --config calibrated.yaml --out calibrated.yaml --creep\n"
+    "  tactile-skin calibrate --config calibrated.yaml --out calibrated.yaml --gain 1.0\n"
     "from recordings (.mcap, .npy, .npz, .csv; rate:=60 if they have no times), one for each "
     "weight:\n"
     "  tactile-skin calibrate --config mine.yaml rest:=rest.mcap touches:=touches.mcap \\\n"
@@ -62,6 +67,11 @@ def register(parser) -> None:
         const=True,
         metavar="FILE",
         help="measure only by how much a load that stands grows with time: one object, two minutes",
+    )
+    parser.add_argument(
+        "--gain",
+        metavar="WEIGHT",
+        help="measure only one factor on the curve, by a thing of this weight [kg] (or 10N, 500g)",
     )
     parser.add_argument(
         "words",
@@ -91,6 +101,8 @@ def run(args) -> int:
     out, config, creep = args.out, args.config, args.creep is True
     check_writable(out)
     skin = read_skin(config)
+    if args.gain is not None:
+        return _gain(args, skin)
     recorded = [f"creep:={args.creep}"] if args.creep and not creep else []
     given, loads = split_words([*args.words, *recorded])
     if creep and "rest" in given:
@@ -101,7 +113,7 @@ def run(args) -> int:
         guide = from_files(skin, given, loads)
     else:
         with closing(Live(config, given)) as live:
-            guide = Guide(skin.circuit, live, _ask, _say, _count_down, _show)
+            guide = Guide(skin.circuit, live, _ask, _say, _count_down, _show, **known_of(skin))
             live(0.0)  # what the driver logs of the port stands above the first question
             check_sent(skin, live(GLANCE))
             guide.measure_creep(skin.curve) if creep else guide.run()
@@ -124,6 +136,24 @@ def run(args) -> int:
     else:
         print(f"{out} is written. Use it:\n  {use}")
     return int(no_curve)
+
+
+def _gain(args, skin: SkinConfig) -> int:
+    """Find one factor on the curve, on a live board, and write it into the configuration."""
+    weight = newtons(args.gain) or newtons(f"{args.gain} kg")
+    if weight is None or args.creep:
+        raise ValueError(f"--gain {args.gain}: must be a weight, as 1.0 (kg), 10N or 500g, alone")
+    given, loads = split_words(args.words)
+    if loads or given.keys() & _OF_FILES.keys():
+        raise ValueError("--gain is of a live board: give port, baud or protocol only")
+    with closing(Live(args.config, given)) as live:
+        guide = Guide(skin.circuit, live, _ask, _say, _count_down, _show, **known_of(skin))
+        live(0.0)
+        check_sent(skin, live(GLANCE))
+        factor = measure_gain(guide, weight, skin)
+    write_gain(args.out, args.config, guide, factor, skin)
+    _say(f"{args.out} is written: the curve's forces times {factor:.2f}.")
+    return 0
 
 
 def _doubt(fitted: FittedCurve | None) -> str:
@@ -188,7 +218,7 @@ def from_files(skin: SkinConfig, files: dict, loads: list[tuple[str, str]]) -> G
             source.skip_to(guide.load, OBJECT)
         return word
 
-    guide = Guide(skin.circuit, source, ask, _say, show=_show)
+    guide = Guide(skin.circuit, source, ask, _say, show=_show, **known_of(skin))
     rest = source.stream(files["rest"])[0]
     check_sent(skin, rest)
     guide.measure_rest()
@@ -208,6 +238,9 @@ def from_files(skin: SkinConfig, files: dict, loads: list[tuple[str, str]]) -> G
         fitted, late = fit_reference(frames, times, force, at, guide.circuit, guide.rest)
         guide.fitted = fitted
         print(f"  {files['reference']} is {late:+.2f} s late; {fitted.message}")
+        hardest = sorted(guide.touches, key=lambda touch: -np.nanmax(touch))[:_HARDEST]
+        said = force[force > _LIGHTEST * force.max()]
+        guide.prove(hardest, said, lambda *by: fit_reference(frames, times, force, at, *by)[0])
     if "creep" in files:
         frames, times = source.stream(files["creep"])
         curve = guide.fitted.curve if guide.fitted else skin.curve

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import datetime
 from pathlib import Path
+from typing import Any
 
 from .. import __version__
 from ..calibration.creep import as_it_comes
@@ -14,6 +15,7 @@ from ..middleware.parameter_file import ParameterFile
 from ..middleware.written import entered, replace_file
 from ..physics.creep import Creep
 from ..physics.curve import PressureCurve
+from ..physics.proof import Proof
 from .calibration import Guide
 
 
@@ -32,7 +34,7 @@ def write(path: Path, source: Path | None, guide: Guide, skin: SkinConfig) -> No
         f"noise of a reading: {guide.rest.noise:.2f} ADC steps",
     ]
     notes += [f"row {row}, column {col} is noisy" for row, col in guide.rest.noisy]
-    if guide.found:
+    if guide.found and guide.scaled:
         circuit["r_par"] = round(guide.circuit.r_par, 1)
         # Where it is not told the curve makes up for it: a running skin must know.
         if guide.found.told["r_par"] or guide.fitted:
@@ -47,16 +49,28 @@ def write(path: Path, source: Path | None, guide: Guide, skin: SkinConfig) -> No
         curve, known = (guide.fitted.curve, None) if guide.fitted else by_file
         curve = as_it_comes(curve, Creep(share, seconds), known)
         # Limits of the file, as stop_on_push.peak, lie on the curve that it had.
-        changes["curve"] = _points(curve.up_to(skin.curve.max_force))
+        changes["curve"] = points(curve.up_to(skin.curve.max_force))
         if share:
             changes["curve"] |= {"creep": share, "creep_time": seconds}
     if guide.fitted:
         notes.append(guide.fitted.message)
+        changes["curve"] |= entries_of(guide.proof)
     if guide.creep:
         notes.append(
             f"a standing load gains {share:.1%} +- {guide.creep.std:.1%} in a decade of time"
         )
     replace_file(path, entered(source, changes, notes))
+
+
+def known_of(skin: SkinConfig) -> dict[str, Any]:
+    """Return what a guide is to know of a skin besides its circuit."""
+    return {"pitch": skin.geometry.pitch, "known": skin.proof}
+
+
+def entries_of(proof: Proof) -> dict:
+    """Return the parameters curve.* of a proof; those of none say nothing of an earlier one."""
+    date = proof.date.isoformat() if proof.date else ""
+    return {"proof": proof.by, "proof_error": proof.error, "proof_date": date}
 
 
 def _given(source: Path | None) -> set[str]:
@@ -65,7 +79,8 @@ def _given(source: Path | None) -> set[str]:
     return {name.removeprefix("circuit.") for section in sections for name in section.values}
 
 
-def _points(curve: PressureCurve) -> dict:
+def points(curve: PressureCurve) -> dict:
+    """Return the parameters curve.* of a curve."""
     described = curve.describe()
     return {
         "force": [round(float(v), 5) for v in described["force"]],

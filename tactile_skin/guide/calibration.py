@@ -7,22 +7,25 @@ something does not count, and waits for a key; "b" leads a step back.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable
+import datetime
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from ..calibration import proving
 from ..calibration.creep import measure_creep
 from ..calibration.curve_fit import FittedCurve, fit_curve
-from ..calibration.identify import Identified, identify
+from ..calibration.identify import Identified, identify, reads_alike
 from ..calibration.rest import Rest, measure_rest, supposing
 from ..calibration.touched import MOVED, stands_anew
 from ..health.doctor import other_readout
 from ..health.doctor.advice import HARDEST
 from ..physics.circuit import Circuit
 from ..physics.creep import Creep
-from ..physics.curve import GRAM, PressureCurve
+from ..physics.curve import PressureCurve
+from ..physics.proof import NOTHING, Proof
 from ..solvers import compensate
+from .weight import concluded, newtons
 
 REST = 3.0  # s that the skin rests
 OBJECT = 1.0  # s for which an object stands
@@ -45,8 +48,8 @@ _PERSISTS = 4  # glances in a row for which a press does not count before it is 
 _PATIENCE = 20.0  # s without a new touch after which it asks whether to go on
 _COUNTED = 3  # s that are counted down before a measurement, in which hands leave the skin
 _BACK, _MORE = ("b", "back"), ("m", "more")
-_WEIGHT = re.compile(r"\s*([0-9]*[.,]?[0-9]+)\s*(g|kg|N)\s*$")
-_UNIT = {"g": GRAM, "kg": 1000.0 * GRAM, "N": 1.0}
+_PITCH = 0.018  # m, the paper's
+_NOTHING = Proof()
 
 Frames = Callable[[float], np.ndarray]  # s -> (n, rows, cols) ADC ratio, of that time from now on
 Ask = Callable[[str], str]  # what to show -> what was typed
@@ -66,22 +69,30 @@ class Guide:
         say: Say,
         count_down: CountDown = lambda seconds: None,
         show: Show = lambda force: None,
+        *,
+        pitch: float = _PITCH,
+        known: Proof = _NOTHING,
+        today: Callable[[], datetime.date] = datetime.date.today,
     ):
         """Prepare the guided steps.
 
         Args:
             circuit: as it is configured.
+            pitch: of the cells [m].
+            known: what has proved the configured scale.
             count_down: before a measurement; recorded frames need none.
             show: takes the force (rows, cols) [N] of what was weighed last.
         """
-        self._supposed, self._frames, self._ask, self._say = circuit, frames, ask, say
+        self._supposed, self._frames, self.ask, self.say = circuit, frames, ask, say
         self._count_down, self._show = count_down, show
-        self._touches: list[np.ndarray] = []
+        self.pitch, self.known, self._today = pitch, known, today
+        self.touches: list[np.ndarray] = []
         self.rest: Rest  # the untouched skin, once it is measured
         self.found: Identified | None = None  # as fitted and creep: what was learnt, None before
         self.unfit = ""  # what is doubted, where another circuit fits the touches as well
         self.fitted: FittedCurve | None = None
         self.creep: Creep | None = None
+        self.proof = known
 
     @property
     def circuit(self) -> Circuit:
@@ -95,23 +106,32 @@ class Guide:
 
     def _press(self) -> bool:
         """Lead through the touches; whether to go on, or a step back."""
-        self._touches, self.found, word = [], None, _MORE[0]
+        self.touches, self.found, word = [], None, _MORE[0]
         while word in _MORE:
             self.identify()
-            word = self._ask("  Enter: on to the weights; m: more touches; b: back to the rest: ")
+            word = self.ask("  Enter: on to the weights; m: more touches; b: back to the rest: ")
             word = word.strip()
         return word not in _BACK
 
     @property
+    def scaled(self) -> bool:
+        """Whether weights go with what the touches found, now or before."""
+        return self.fitted is not None or self.known.by != NOTHING
+
+    @property
     def learnt(self) -> list[str]:
-        """What the configuration did not say."""
-        names = [name for name, told in self.found.told.items() if told] if self.found else []
+        """What the configuration did not say, and is to be written.
+
+        Touches find resistances as multiples of r_ref: without a scale none of them is known.
+        """
+        told = self.found.told if self.found and self.scaled else {}
+        names = [name for name, yes in told.items() if yes]
         return names + ["curve"] * bool(self.fitted) + ["creep"] * bool(self.creep)
 
     def measure_creep(self, curve: PressureCurve) -> None:
         """Two steps of their own, for a skin whose curve is known."""
         self.measure_rest(of=2)
-        self._ask(
+        self.ask(
             "2 of 2. Take a thing of 1 kg or more, and a piece of foam if it is hard. Enter, and "
             f"lay it on the\n  skin at once; leave it there for {STANDS / 60:.0f} minutes: "
         )
@@ -122,20 +142,20 @@ class Guide:
             if stood or self._touched(frames[-1]):
                 stood += _LOOK
                 if stood % _TELL == 0.0:
-                    self._say(f"  {stood:.0f} s of {STANDS:.0f} s")
+                    self.say(f"  {stood:.0f} s of {STANDS:.0f} s")
             elif len(frames) * _LOOK > _PATIENCE:
                 raise ValueError(f"nothing was laid on the skin for {_PATIENCE:.0f} s")
         times = _LOOK * (np.arange(len(frames)) + 0.5)
         creep = measure_creep(np.array(frames), times, self._supposed, self.rest, curve)
         self.creep = creep
-        self._say(
+        self.say(
             f"  A standing load gains {creep.share:.1%} +- {creep.std:.1%} in a decade "
             f"of time: {creep.gain(600.0) - 1.0:.0%} in ten minutes."
         )
 
     def measure_rest(self, of: int = 3) -> bool:
         """Measure the untouched skin; True: go on."""
-        self._ask(f"1 of {of}. Take everything off the skin, and keep your hands off it. Enter: ")
+        self.ask(f"1 of {of}. Take everything off the skin, and keep your hands off it. Enter: ")
         for left in reversed(range(_TRIES)):
             self._count_down(_COUNTED)
             frames = self._frames(REST)
@@ -150,58 +170,62 @@ class Guide:
                         f"no rest in {_TRIES} tries: {error} If nothing does, `tactile-skin "
                         "doctor` names the line or cells to check"
                     ) from error
-                self._ask(f"  {error}\n  Hands off, and Enter to measure again: ")
+                self.ask(f"  {error}\n  Hands off, and Enter to measure again: ")
         usual = 1.0 / np.median(self.rest.conductance[self._supposed.populated])
-        self._say(
+        self.say(
             f"  {len(frames)} frames: a cell has {usual:.0f} ohm at rest, a reading "
             f"{self.rest.noise:.2f} ADC steps of noise."
         )
         for row, col in self.rest.noisy:
-            self._say(
-                f"  row {row}, column {col} is noisy: its readings are left out here. Check its "
-                "contact."
-            )
+            at = f"row {row}, column {col}"
+            self.say(f"  {at} is noisy: its readings are left out here. Check its contact.")
         return True
 
     def identify(self) -> None:
         """Find what lies in series, by touches beside those that there are."""
-        self._say(
+        self.say(
             "2 of 3. Press here and there, near the edges too: hard, with a knuckle, a\n  palm, "
             f"both hands. Hold each touch for a moment. {2 * _EVERY} to {TOUCHES} of them count."
         )
-        touches = self._touches
+        touches = self.touches
         most = max(TOUCHES, len(touches) + 2 * _EVERY)
-        waited, why, times, said = 0.0, "", 0, ""  # s; why a press does not count, how often, said
-        while len(touches) < most and waited < _PATIENCE:
-            touch, reason = self._new_touch()
-            if touch is None:
-                waited += _GLANCE
-                why, times = reason, times + 1 if reason == why else 1
-                if why and times >= _PERSISTS and said != why:
-                    self._say(f"  does not count: {why}")
-                    said = why
-                continue
-            touches.append(touch)
-            waited, said = 0.0, ""
+        for _ in self.presses():
             if len(touches) % _EVERY:
-                self._say(f"  touch {len(touches)}")
+                self.say(f"  touch {len(touches)}")
                 continue
             self.found = identify(touches, self._supposed, self.rest)
             if not any(self.found.told.values()):
                 self._check_readout(touches)
-            self._say(f"  touch {len(touches)}: {self.found.message}")
-            if len(touches) >= 2 * _EVERY and not self.found.missing:
+            self.say(f"  touch {len(touches)}: {self.found.message}")
+            if len(touches) >= (most if self.found.missing else 2 * _EVERY):
                 break
-        if waited >= _PATIENCE:
-            self._say(f"  no new touch for {_PATIENCE:.0f} s")
         if len(touches) % _EVERY:
             self.found = identify(touches, self._supposed, self.rest)
-            self._say(f"  {self.found.message}")
+            self.say(f"  {self.found.message}")
+        if self.found and (alike := reads_alike(self._supposed, self.found)):
+            self.say(f"  {alike}")
         self._check_readout(touches)
         if not touches:
-            self._say("  no touch was felt: what lies in series stays as it is configured.")
+            self.say("  no touch was felt: what lies in series stays as it is configured.")
         elif self.found and self.found.missing:
-            self._say("  What the touches do not tell stays as it is configured.")
+            self.say("  What the touches do not tell stays as it is configured.")
+
+    def presses(self) -> Iterator[None]:
+        """Add one touch after the other, and say why one does not count, as long as they come."""
+        waited, why, times, said = 0.0, "", 0, ""  # s; why a press does not count, how often, said
+        while waited < _PATIENCE:
+            touch, reason = self._new_touch()
+            if touch is not None:
+                self.touches.append(touch)
+                waited, said = 0.0, ""
+                yield
+                continue
+            waited += _GLANCE
+            why, times = reason, times + 1 if reason == why else 1
+            if why and times >= _PERSISTS and said != why:
+                self.say(f"  does not count: {why}")
+                said = why
+        self.say(f"  no new touch for {_PATIENCE:.0f} s")
 
     def _check_readout(self, touches: list[np.ndarray]) -> None:
         """ValueError: they are those of another readout than the configured one.
@@ -215,14 +239,14 @@ class Guide:
             raise ValueError(str(found))
         if found:
             self.unfit = "the touches do not fit the circuit"
-            self._say(f"  {found}")
+            self.say(f"  {found}")
 
     def _new_touch(self) -> tuple[np.ndarray | None, str]:
         """Return the mean frame of a new touch that stands, or None and why there is none."""
         frames = self.rest.quiet(self._frames(_GLANCE))
         if len(frames) < 2:
             return None, ""
-        frame, last = _mean(frames), self._touches[-1] if self._touches else None
+        frame, last = _mean(frames), self.touches[-1] if self.touches else None
         steps = float(np.nanmax(frame - self.rest.adc)) * self._supposed.full_scale
         least = MOVED * self._noise * self._supposed.full_scale
         if steps <= 0.5 * least:
@@ -260,7 +284,7 @@ class Guide:
 
     def fit_curve(self) -> bool:
         """Find the curve by things of known weight; False: a step back is asked for."""
-        self._say(
+        self.say(
             f"3 of 3. Lay things of known weight on the skin, at least {LEAST_OBJECTS}, better "
             f"{OBJECTS}: light\n  and heavy ones, 0.3 to 5 kg (a bottle, books), each somewhere "
             "else, on a piece\n  of foam if they are hard. They must not stand beside the skin."
@@ -269,7 +293,7 @@ class Guide:
         weights: list[float] = []
         while True:
             number = len(weights) + 1
-            word = self._ask(
+            word = self.ask(
                 f"  object {number}: its weight once it lies (500 g or 5 N; b: back, Enter: end) "
             )
             if not word.strip():
@@ -281,20 +305,9 @@ class Guide:
                 continue
             weight = newtons(word)
             if weight is None:
-                self._say(f"  {word.strip()!r} is no weight and unit: write 500 g, 1.2 kg or 5 N")
+                self.say(f"  {word.strip()!r} is no weight and unit: write 500 g, 1.2 kg or 5 N")
                 continue
-            self._count_down(_COUNTED)
-            stood = self.rest.quiet(self._frames(OBJECT))
-            frame = _mean(stood)
-            if not self._touched(frame):
-                self._say("  nothing lies on the skin: the readings are those of rest")
-                continue
-            if (moved := self.moved(stood)) > MOST_MOVED:
-                self._say(
-                    f"  {word.strip()} is not used: the readings changed by {moved:.0%} while "
-                    f"it was measured, {MOST_MOVED:.0%} at most is a load that stands for "
-                    f"{OBJECT:g} s"
-                )
+            if (frame := self.weighed(word.strip())) is None:
                 continue
             frames.append(frame)
             weights.append(weight)
@@ -306,39 +319,58 @@ class Guide:
                 self._learn_by(frames)
             self._fit(frames, weights)
             if self.fitted and len(weights) >= 6 and self.fitted.error < ENOUGH:
-                self._say("  That is enough. Enter alone ends; more objects make it better.")
+                self.say("  That is enough. Enter alone ends; more objects make it better.")
         if len(weights) >= LEAST_OBJECTS and len(weights) % _EVERY and self._learn_by(frames):
             self._fit(frames, weights)
-        if self.fitted and self._series_open:
-            self._say(
-                "  Nothing tells r_par: the curve makes up for it, and is right with this one."
-            )
         if self.fitted and self.fitted.error > _USELESS:
-            self._say(
+            self.say(
                 f"  A total would be off by more than {_USELESS:.0%}: this curve is not kept. A "
                 "wrong weight may do that, or another readout or r_ref than the configured one: "
                 "check these, and begin anew."
             )
             self.fitted = None
+        elif self.fitted:
+            used = np.delete(weights, self.fitted.odd)
+            self.prove(frames, used, lambda *by: fit_curve(np.array(frames), weights, *by))
         elif len(weights) < LEAST_OBJECTS:
-            self._say(
-                f"  {len(weights)} objects: the curve stays that of the configuration; forces are "
-                "as good as it is."
-            )
+            self.say(f"  {len(weights)} objects: the curve stays that of the configuration.")
         return True
 
-    @property
-    def _series_open(self) -> bool:
-        return self.found is not None and not self.found.told["r_par"]
+    def weighed(self, word: str) -> np.ndarray | None:
+        """Return the mean frame of what lies on the skin; None: nothing stands, which is said."""
+        self._count_down(_COUNTED)
+        stood = self.rest.quiet(self._frames(OBJECT))
+        if not self._touched(_mean(stood)):
+            self.say("  nothing lies on the skin: the readings are those of rest")
+            return None
+        if (moved := self.moved(stood)) > MOST_MOVED:
+            self.say(
+                f"  {word} is not used: the readings changed by {moved:.0%} while it was measured, "
+                f"{MOST_MOVED:.0%} at most is a load that stands for {OBJECT:g} s"
+            )
+            return None
+        return _mean(stood)
+
+    def prove(self, frames, loads, refit: proving.Refit) -> None:
+        """Say whether loads prove the fitted curve; arguments as of `proving.by_weights`."""
+        assert self.fitted is not None
+        by = self.circuit, self.rest, frames, loads, self.touches, self.pitch
+        error, why = proving.by_weights(self.fitted, refit, *by)
+        self.conclude(error, self.unfit or why, loads)
+
+    def conclude(self, error: float, why: str, loads) -> None:
+        """Say, and keep, that loads (n,) [N] prove forces, or why they do not."""
+        self.proof, words = concluded(error, why, loads, self._today())
+        self.say(words)
 
     def _learn_by(self, frames: list[np.ndarray]) -> bool:
         """Whether objects tell r_par, with the touches, where these did not."""
-        if not self._series_open:
+        if self.found is None or self.found.told["r_par"]:
             return False
-        found = identify([*self._touches, *frames], self._supposed, self.rest)
+        found = identify([*self.touches, *frames], self._supposed, self.rest)
         if found.told["r_par"]:
             self.found = found
-            self._say(f"  With the objects: {found.message}")
+            self.say(f"  With the objects: {found.message}")
         return found.told["r_par"]
 
     def _fit(self, frames: list[np.ndarray], weights: list[float]) -> None:
@@ -346,26 +378,17 @@ class Guide:
         try:
             fitted = fit_curve(np.array(frames), np.array(weights), self.circuit, rest)
         except ValueError as error:
-            self._say(f"  {error}")
+            self.say(f"  {error}")
             return
         self.fitted = fitted
-        self._say(f"  {fitted.message}")
+        self.say(f"  {fitted.message}")
         cells = self.circuit.populated
         usual = float(np.median(rest.conductance[cells]))  # S
         at_rest = 1.0 / np.where(cells, rest.conductance, usual)
         curve = fitted.curve.resting_at(at_rest)
         found = compensate(frames[-1], self.circuit, curve, "map", missing=True)
         self._show(found.force)
-        self._say(f"  felt: {found.force.sum():.1f} N of {weights[-1]:.1f} N")
-
-
-def newtons(text: str) -> float | None:
-    """ "500 g", "1,2 kg", "5 N" -> N; None: it is no weight above 0, or has no unit."""
-    match = _WEIGHT.match(text)
-    if not match:
-        return None
-    value = float(match[1].replace(",", ".")) * _UNIT[match[2]]
-    return value if value > 0.0 else None
+        self.say(f"  felt: {found.force.sum():.1f} N of {weights[-1]:.1f} N")
 
 
 def _mean(frames: np.ndarray) -> np.ndarray:

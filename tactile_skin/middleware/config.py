@@ -30,6 +30,7 @@ class SkinConfig(tuple[Circuit, PressureCurve, Geometry]):
         adc: from the board's counts to the ratio that the solvers take: `adc.ratio(counts)`.
         creep: what a standing load gains.
         r_par_std: how well the circuit's r_par is known [ohm]; None: nobody has measured it.
+        proof: what has shown that its newtons are right.
         threshold: readings up to which the board says nothing [ADC steps]; 0: it says all.
         board: the parameters circuit.*, as the file has them.
     """
@@ -38,6 +39,7 @@ class SkinConfig(tuple[Circuit, PressureCurve, Geometry]):
         self.circuit, self.curve, self.geometry = parts
         self.board, self.threshold = given.circuit, given.board_threshold
         self.adc, self.creep = adc_of(given.circuit, self.circuit), creep_of(given.curve)
+        self.proof = proof_of(given.curve)
         self.r_par_std = given.circuit.r_par_std or None
 
     def __new__(cls, parts, given):

@@ -19,14 +19,17 @@ _PARAMETERS = "ros__parameters"
 _EVERY = "/**"  # section for every node
 
 
-def entered(source: Path | None, changes: dict[str, dict], notes: list[str]) -> str:
+def entered(
+    source: Path | None, changes: dict[str, dict], notes: list[str], keep: bool = False
+) -> str:
     """Return a parameter file's text with other values; its comments and order stay.
 
     Args:
         source: the file; None: an empty one.
         changes: group -> {parameter: value}, entered wherever the file has the group, or else for
             every node.
-        notes: put at the top in place of those of the last calibration.
+        notes: put at the top in place of those of the last calibration, or above them.
+        keep: whether those stay.
 
     Raises:
         FileError, OSError: as `read_yaml`.
@@ -39,7 +42,9 @@ def entered(source: Path | None, changes: dict[str, dict], notes: list[str]) -> 
     if source is not None:
         read_yaml(source)  # within its limits, and refused by name
         text = read_text(source, YAML_BYTES)
-    text = "".join(dropwhile(lambda line: line.startswith(_NOTE), text.splitlines(True)))
+    given = text.splitlines(True)
+    rest = list(dropwhile(lambda line: line.startswith(_NOTE), given))
+    before, text = given[: len(given) - len(rest)], "".join(rest)
     yaml = YAML()
     yaml.preserve_quotes, yaml.width = True, _LINE
     _, indent, offset = load_yaml_guess_indent(text or "{}")
@@ -62,6 +67,7 @@ def entered(source: Path | None, changes: dict[str, dict], notes: list[str]) -> 
     stream = io.StringIO()
     yaml.dump(data, stream)
     top = "".join(f"{_NOTE}{line}\n" for note in notes for line in note.splitlines())
+    top += "".join(before) if keep else ""
     return top + (text if only_comments else "") + stream.getvalue()
 
 

@@ -23,7 +23,7 @@ CONFIDENCE = 1.64  # standard deviations: one force in twenty is above its bound
 # force-sensing resistors and Velostat gain or lose 15 to 30 % in three days.
 _OF_DAYS = 0.15
 _DAYS = 3.0
-_MOST = 1.4  # times what is felt that a proved force counts at most
+MOST = 1.5  # times what is felt that a proved force counts at most
 
 
 @dataclass(frozen=True)
@@ -53,4 +53,4 @@ class Proof:
             return UNPROVED
         days = np.inf if self.date is None else max((today - self.date).days, 0)
         error = np.hypot(self.error, _OF_DAYS * -np.expm1(-days / _DAYS))
-        return float(min(1.0 + CONFIDENCE * error, _MOST))
+        return float(min(1.0 + CONFIDENCE * error, MOST))

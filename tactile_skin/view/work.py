@@ -21,7 +21,7 @@ import numpy as np
 from ..board.recognise.listen import BAUDS, listen
 from ..board.serial_port import candidates, open_port
 from ..calibration.rest import check_all_is_sent
-from ..guide.calibrated import write
+from ..guide.calibrated import known_of, write
 from ..guide.calibration import Guide
 from ..guide.detection import SECONDS, conclude
 from ..guide.notes import notes
@@ -240,7 +240,7 @@ class Work:
             self._changed()
 
         ways = self._read, self._wait_for, self._say, self._count_down, fitted
-        guide = Guide(skin.circuit, *ways)
+        guide = Guide(skin.circuit, *ways, **known_of(skin))
         check_sent(skin, self._read(GLANCE))
         self._goes_back = True
         guide.run()

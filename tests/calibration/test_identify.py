@@ -224,8 +224,9 @@ def test_an_r_ref_that_is_off_is_named_beside_r_par(board, off):
         board.supposed, r_par=board.r_par, r_ref=board.supposed.r_ref / (1.0 + off / 100)
     )
     message = said(follow(board, supposed, standing(board, 12)))
-    named = re.search(r"unless r_ref is ([+-]\d+) % off", message)
+    named = re.search(r"an r_ref that is ([+-]\d+) % off", message)
     assert named and int(named[1]) == pytest.approx(off, abs=3)
+    assert not re.search(r"r_par[^;]*write", message)
 
 
 def test_two_touches_that_tell_are_a_hint(board):

@@ -67,18 +67,22 @@ def test_a_file_may_begin_before_its_object_lies_there(files, tmp_path, capsys):
     assert status == 0 and said.count("felt: ") == 1 and "nothing lies" not in said
 
 
-@pytest.mark.parametrize("touched", [False, True])
-def test_weights_without_a_curve_are_a_failure(files, capsys, touched):
-    """What else was found is written all the same, and named; a file with nothing new is not."""
+@pytest.mark.parametrize("proof", ["none", "weight"])
+def test_weights_without_a_curve_are_a_failure(files, tmp_path, capsys, proof):
+    """What touches find is written only where a weight has proved the scale; nothing new is not."""
     folder, board = files
-    (folder / "out.yaml").unlink(missing_ok=True)
-    words = [f"touches:={folder / 'touches.npy'}"] if touched else []
+    rows, cols = SHAPE
+    (tmp_path / "mine.yaml").write_text(
+        f"/**: {{ros__parameters: {{circuit: {{rows: {rows}, cols: {cols}}}, "
+        f"curve: {{proof: {proof}}}}}}}\n"
+    )
+    words = [f"touches:={folder / 'touches.npy'}"]
     words += [f"{g}g:={folder / f'{g}.csv'}" for g in (500, 1200)]
-    status, out = calibrate(folder, f"rest:={folder / 'rest.npy'}", *words)
+    status, out = calibrate(tmp_path, f"rest:={folder / 'rest.npy'}", *words)
     said, err = capsys.readouterr()
     assert status == 1 and "no curve was found" in err and "Use it" not in said + err
-    assert out.exists() == touched
-    if touched:
+    assert out.exists() == (proof == "weight")
+    if proof == "weight":
         assert "is written with r_par" in err and "curve only" not in err
         assert read_skin(out).curve == PressureCurve()
         assert read_skin(out).circuit.r_par == pytest.approx(board.r_par, rel=0.05)

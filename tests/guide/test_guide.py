@@ -18,7 +18,8 @@ from tactile_skin import Circuit, compensate
 from tactile_skin.calibration.creep import LAID
 from tactile_skin.commands import calibrate
 from tactile_skin.commands.calibrate import picture
-from tactile_skin.guide.calibration import MOST_MOVED, Guide, newtons
+from tactile_skin.guide.calibration import MOST_MOVED, Guide
+from tactile_skin.guide.weight import newtons
 from tactile_skin.middleware import written
 from tactile_skin.middleware.config import read_skin
 from tactile_skin.physics.curve import GRAM, PressureCurve

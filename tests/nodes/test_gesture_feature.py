@@ -15,7 +15,7 @@ from tactile_skin.msg import (
     cloud_columns,
     image,
 )
-from tactile_skin.nodes.gesture_feature import GestureFeature
+from tactile_skin.nodes.gesture_feature import CONTACT, GestureFeature
 from tactile_skin.simulation.scenes import finger
 
 CELL_AREA = 1.44e-4  # m^2
@@ -56,7 +56,7 @@ def test_a_contact_has_its_place_force_id_velocity_and_state():
     skin.feel(NOTHING)
     skin.feel(finger(16, 16, 7.5, 3.0, 5.0))
     first = skin.contacts()
-    assert list(first) == ["x", "y", "z", "force", "area", "peak", "id", "vx", "vy", "vz", "state"]
+    assert list(first) == list(CONTACT)
     assert first["state"] == 0
     for k in range(20):
         skin.feel(finger(16, 16, 7.5, 3.0 + 0.2 * k, 5.0))

@@ -7,6 +7,7 @@ from collections import defaultdict
 import numpy as np
 import pytest
 from support.bench import Bench
+from support.chain import PROVED
 from support.patience import PATIENCE
 from support.simulated import CIRCUIT, remembering, serving
 
@@ -38,6 +39,7 @@ from tactile_skin.msg import (
     image,
     image_array,
 )
+from tactile_skin.nodes import diagnostics
 from tactile_skin.nodes.compensation import Compensation
 from tactile_skin.nodes.gesture_feature import GestureFeature
 from tactile_skin.nodes.observers.monitor import Monitor
@@ -78,7 +80,8 @@ class Chain(Bench):
             (DiagnosticArray, "skin/diagnostics", 100),
         ):
             self.observer.create_subscription(kind, topic, self.seen[topic].append, qos)
-        self.compensation = Compensation(self.node("compensation", GEOMETRY | {"method": method}))
+        given = GEOMETRY | PROVED | {"method": method}
+        self.compensation = Compensation(self.node("compensation", given))
         self.compensation.skin._time_limit = 60.0  # s of the real clock, on a busy machine
         self.features = GestureFeature(self.node("gesture_feature", GEOMETRY))
         self.stop = StopOnPush(self.node("stop_on_push", STOP | stop))
@@ -455,7 +458,7 @@ def test_the_summary_counts_frames_stops_and_drops(chain, capsys):
     summary = capsys.readouterr().out
     assert f"frames      {frames + 3} in" in summary
     assert "drops       1 (0 lost on the wire, 1 on the way)" in summary
-    assert '"push"' in summary
+    assert '"push: ' in summary
     assert "p50 0.00 ms, p99 0.00 ms" in summary  # the clock stands while callbacks run
 
 
@@ -561,16 +564,12 @@ def test_a_skin_too_small_to_tell_all_faults_warns(caplog, rows, warns):
     assert ("Smallest skin" in caplog.text) is warns
 
 
-@pytest.mark.parametrize(
-    ("simulated", "given", "warns"),
-    [("false", {}, True), ("true", {}, False), ("false", {"curve.force": [0.0, 1.0, 9.0]}, False)],
-)
-def test_newtons_of_the_shipped_curve_are_no_mats_own(caplog, simulated, given, warns):
-    given = given and given | {"curve.resistance": [30000.0, 2000.0, 100.0]} | {"peak": 8.0}
-    overrides = [Parameter(name, value) for name, value in given.items()]
-    stop = StopOnPush(Node("stop_on_push", context=Context(), parameter_overrides=overrides))
-    for frames, of_model in (("0", "false"), ("7", simulated)):  # at first the port is not open
-        values = [KeyValue("frames", frames), KeyValue("simulated", of_model)]
-        status = DiagnosticStatus(0, "driver", "ok", "", values)
+@pytest.mark.parametrize(("proof", "warns"), [("none", True), ("weight", False)])
+def test_newtons_that_nothing_proved_are_said_to_be_so(caplog, proof, warns):
+    """Once, with what to do."""
+    stop = StopOnPush(Node("stop_on_push", context=Context()))
+    for _ in range(2):
+        values = [KeyValue(diagnostics.PROOF, proof)]
+        status = DiagnosticStatus(0, "compensation", "ok", "", values)
         stop.on_diagnostics(DiagnosticArray(Header(), [status]))
-    assert caplog.text.count("tactile-skin calibrate") == warns
+    assert caplog.text.count("tactile-skin calibrate --gain 1.0") == warns
