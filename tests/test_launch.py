@@ -136,7 +136,7 @@ def test_the_file_is_named_that_gives_what_is_refused(tmp_path, threshold, rows,
         for name, text in (("board", circuit), ("limits", limits))
     ]
     with pytest.raises(LaunchError, match=rf"^{tmp_path}/{named}: "):
-        start(skin_of(STOP, files=files))
+        start(skin_of(STOP, "compensation", files=files))
 
 
 # --- the shipped files ---
@@ -227,7 +227,7 @@ def test_a_hook_hears_every_change_and_its_reason():
         robot = Robot(skin)
         heard.wait_for((False, ""))
         robot.force = 50.0
-        heard.wait_for((True, "push"))
+        heard.wait_for_reason("push: 50 N")
         robot.force = 0.0
     assert heard.calls[0][0] is True, "stopped before the first reading"
     for before, after in itertools.pairwise(heard.calls):
@@ -242,9 +242,9 @@ def test_a_hook_that_comes_late_is_told_how_it_stands():
         skin.on_stop(first)
         robot = Robot(skin)
         robot.force = 50.0
-        first.wait_for((True, "push"))
+        first.wait_for_reason("push: 50 N")
         skin.on_stop(late)
-        late.wait_for((True, "push"))
+        late.wait_for_reason("push: 50 N")
         assert all(stop for stop, _ in late.calls)
 
 
@@ -608,11 +608,12 @@ LATCHED_STOP = STOP, PATIENT | {"latch": True}
 def test_a_latched_stop_is_reset_from_a_program():
     with moving(LATCHED_STOP) as (skin, heard, robot):
         robot.force = 50.0
-        heard.wait_for((True, "push + latched: push"))
-        assert skin.reset_stop() == (False, "still stopped: push")
+        heard.wait_for_reason("+ latched: push")
+        done, why = skin.reset_stop()
+        assert not done and why.startswith("still stopped: push")
         heard.calls.clear()
         robot.force = 0.0
-        heard.wait_for((True, "latched: push"))
+        heard.wait_for_start("latched: push")
         assert (False, "") not in heard.calls
         assert skin.reset_stop() == (True, "free")
         heard.wait_for((False, ""))
@@ -664,9 +665,9 @@ def test_a_reset_that_was_given_up_does_not_happen_later():
     hang = Hang()
     with moving(LATCHED_STOP) as (skin, heard, robot):
         robot.force = 50.0
-        heard.wait_for((True, "push + latched: push"))
+        heard.wait_for_reason("+ latched: push")
         robot.force = 0.0
-        heard.wait_for((True, "latched: push"))
+        heard.wait_for_start("latched: push")
         skin._handles[0].create_timer(0.001, hang)
         hang.has_begun()
         for _ in range(20):  # more than its queue holds
@@ -674,7 +675,7 @@ def test_a_reset_that_was_given_up_does_not_happen_later():
         heard.calls.clear()
         hang.release()
         skin._executor.drain(PATIENCE)
-        assert str(skin._nodes[0].policy._latched) == "push"
+        assert str(skin._nodes[0].policy._latched).startswith("push")
         assert (False, "") not in heard.calls
 
 

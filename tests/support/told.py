@@ -23,6 +23,9 @@ class Told:
     def wait_for_reason(self, reason) -> None:
         self._until(lambda: any(reason in said for _, said in self.calls))
 
+    def wait_for_start(self, reason) -> None:
+        self._until(lambda: any(said.startswith(reason) for _, said in self.calls))
+
     def _until(self, happened) -> None:
         with self._news:
             assert self._news.wait_for(happened, PATIENCE), self.calls
