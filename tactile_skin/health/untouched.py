@@ -215,16 +215,11 @@ class Hum(Check):
         self._follow(seen.t, level, max(_SWING * chance, _LEAST_SWING))
         lately = seen.t - self._swings[0][0] < _LATELY if self._swings else False
         sizes, lengths = ([swing[k] for swing in self._swings] for k in (2, 1))
-        hums = (
-            hums
-            and max(sizes) < _SWINGS_ALIKE * min(sizes)
-            and max(lengths) < _SWINGS_ALIKE * min(lengths)
-        )
-        numbers = {
-            "steps": 0.5 * max(sizes, default=0.0),
-            "seconds": 2.0 * max(lengths, default=0.0),
-        }
-        self.found = Finding(Kind.HUM, numbers=numbers) if hums else None
+        alike = all(max(of) < _SWINGS_ALIKE * min(of) for of in (sizes, lengths) if of)
+        self.found = None
+        if lately and alike and len(sizes) == _SWINGS:
+            numbers = {"steps": 0.5 * max(sizes), "seconds": 2.0 * max(lengths)}
+            self.found = Finding(Kind.HUM, numbers=numbers)
 
     def _follow(self, t: float, level: float, least: float) -> None:
         """Take the level at t; a turn is known once it has come back by more than `least`."""
