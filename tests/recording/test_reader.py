@@ -157,7 +157,7 @@ def test_messages_of_a_channel_that_is_not_declared_are_left_out_and_named(tmp_p
     writer.close() if close else writer.flush()
     found = Recording(path.with_name("b.mcap"))
     np.testing.assert_array_equal(found.adc, frames)
-    said = "5 messages of channel 99, which it does not declare, are left out"
+    said = "5 messages of channel 99, not declared, are left out"
     assert said in found.damage
     assert len(list(found.messages())) == 20
 
