@@ -291,9 +291,7 @@ class Recording:
                 good = file.tell()
         said = [f"{damaged} damaged chunks are left out"] if damaged else []
         for number, count in self._undeclared.items():
-            said.append(
-                f"{count} messages of channel {number}, which it does not declare, are left out"
-            )
+            said.append(f"{count} messages of channel {number}, not declared, are left out")
         if part and not said:
             return
         self._chunks = self._chunks or chunks
