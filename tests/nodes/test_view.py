@@ -180,6 +180,8 @@ def test_a_page_that_may_tares_and_resets(viewed):
 @pytest.mark.parametrize("viewed", [True], indirect=True)
 def test_a_page_that_may_records_all_that_is_published(viewed, tmp_path):
     pytest.importorskip("mcap", reason="makes recordings")
+    given = [Parameter("format", "{:d},")]
+    driver = Node("serial_driver", context=viewed.node.context, parameter_overrides=given)
 
     async def scenario(page):
         async def ask(name):
@@ -187,6 +189,7 @@ def test_a_page_that_may_records_all_that_is_published(viewed, tmp_path):
             return json.loads(await page.recv())["said"]
 
         assert (await ask("finish"))["message"] == "nothing is recorded"
+        assert driver.declare_parameter("format", "").value == "{:d},"
         assert (await ask("record"))["success"]
         assert (await ask("record"))["message"] == "a recording is on already"
         for k in range(300, 325):
@@ -199,6 +202,7 @@ def test_a_page_that_may_records_all_that_is_published(viewed, tmp_path):
         (tmp_path / "r.mcap").write_bytes(answer.read())
     recording = Recording(tmp_path / "r.mcap")
     times = [message.header.stamp.sec for _, _, message in recording.messages("/skin/adc")]
+    assert recording.node_parameters("serial_driver") == {"format": "{:d},"}
     assert times == list(range(300, 325)) and recording.skin.circuit.shape == (16, 16)
 
 

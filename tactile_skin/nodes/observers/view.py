@@ -128,7 +128,7 @@ class ShownSkin:
         if several and not name:
             readings, others = {}, {topic: OTHERS[topic] for topic in (STOP, DIAGNOSTICS)}
         space = f"{name}/" if name else ""
-        self.recording = PageRecording(node, parameters, space)
+        self.recording = PageRecording(node, space)
         self._collector = Collector()
         self._stop_at = -math.inf  # s, when its stop was heard last
         self._sent = 0.0, 0.0  # stamp of the last snapshot, and when it was sent
