@@ -72,6 +72,16 @@ def words(plan) -> list[list[str]]:
 # --- what is understood ---
 
 
+@pytest.mark.parametrize("form", ["$(var it)", '"$(var it)"', "--file=$(var it)"])
+def test_a_path_with_a_space_is_one_word_of_a_command(plan, form):
+    """As in ROS: what a substitution stands for is not split again."""
+    command = f"echo {form} $(exec-in-pkg tactile-skin tactile_skin)"
+    given = f"- arg: {{name: it}}\n- executable:\n    cmd: {command}\n"
+    (found,) = words(plan(given, it="/home/me/my skin/a.yaml"))
+    assert found[0].removeprefix("--file=") == "/home/me/my skin/a.yaml"
+    assert found[-2:] == ["-m", "tactile_skin"]
+
+
 def test_arguments_have_defaults_and_are_given(plan):
     entities = "- arg: {name: a, default: one, description: letters}\n" + echoed("$(var a)")
     assert words(plan(entities)) == [["one"]]

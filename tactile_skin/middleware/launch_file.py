@@ -142,7 +142,7 @@ class _Reader:
         self._set.add(name)
 
     def _executable(self, body: dict, where: str) -> None:
-        text = self._text(body, "cmd", where)
+        text = self._text(body, "cmd", where, self._word)
         try:
             words = shlex.split(text)
         except ValueError as error:  # an open quote
@@ -213,15 +213,21 @@ class _Reader:
             raise LaunchError(f"{where}: {key} = {shorten(text)}: must be {_ALLOWED[pattern]}")
         return text
 
-    def _text(self, body: dict, key: str, where: str) -> str:
+    def _text(self, body: dict, key: str, where: str, substitute=None) -> str:
         """Return the text of a value, its substitutions carried out."""
         value = body[key]
         if not isinstance(value, (str, int, float)):
             raise LaunchError(f"{where}: {key} = {shorten(value)}: must be text or a number")
-        filled = _SUBSTITUTION.sub(self._substitute, str(value))
+        filled = _SUBSTITUTION.sub(substitute or self._substitute, str(value))
         if "$(" in filled:
             raise LaunchError(f"{where}: {key} = {shorten(value)}: $( is not understood")
         return filled
+
+    def _word(self, found: re.Match) -> str:
+        """Return what stands in a command: as in ROS, a space in it begins no other word."""
+        text = self._substitute(found)
+        quoted = found.string[: found.start()].endswith(("'", '"'))
+        return text if quoted or not text or found[1] == "exec-in-pkg" else shlex.quote(text)
 
     def _substitute(self, found: re.Match) -> str:
         path = self._including[-1]
