@@ -53,9 +53,7 @@ class PageRecording:
     def _begin(self) -> tuple[bool, str]:
         if self._recorder is not None:
             return False, "a recording is on already"
-        nodes = dict(self.node.context.nodes).items()
-        here = [node for name, node in nodes if name.startswith(self._here)]
-        attached = configuration.attachments(parameters_of(here))
+        attached = configuration.attachments(self.parameters())
         path = Path(tempfile.mkdtemp(prefix="tactile_skin_")) / "recording.mcap"
         try:
             self._recorder = Recorder(path, _LIMITS, attached, self._now)
@@ -66,6 +64,11 @@ class PageRecording:
             if topic.startswith(self._here) or topic == "/diagnostics":
                 self.node.create_tap(kind, topic, functools.partial(self._take, topic))
         return True, "recording; press again to end it"
+
+    def parameters(self) -> dict[str, dict]:
+        """Return the full name of each node of the skin -> {parameter: value}."""
+        nodes = dict(self.node.context.nodes).items()
+        return parameters_of([node for name, node in nodes if name.startswith(self._here)])
 
     def _take(self, topic: str, message) -> None:
         if (recorder := self._recorder) is not None:

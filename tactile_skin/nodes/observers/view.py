@@ -12,10 +12,11 @@ from dataclasses import replace
 from ...errors import LaunchError
 from ...fields import leaves
 from ...middleware.config import adc_of, circuit_of, curve_of, declared, geometry_of
+from ...middleware.written import own_sections
 from ...msg import Trigger
 from ...parameters.nodes import View as Parameters
 from ...parameters.shared import Skin
-from ...view.process import PageProcess, ToPage
+from ...view.process import DESCRIBE, PageProcess, ToPage
 from ...view.snapshot import DIAGNOSTICS, OTHERS, READINGS, STOP, Collector
 from .. import READING, now
 from .page_recording import RECORDS, PageRecording
@@ -29,6 +30,7 @@ _CALLS = {
     "tare": ("compensation/tare",),
     "reset": ("compensation/reset", "stop_on_push/reset"),
     "lend": ("serial_driver/lend",),
+    DESCRIBE: (),
     **dict.fromkeys(RECORDS, ()),
 }
 _OF_BODY: dict[str, tuple[str, ...]] = {"reset": ("body/reset",)}
@@ -173,6 +175,8 @@ class ShownSkin:
     def _call(self, name: str) -> tuple[bool, str]:
         if name not in self._clients:
             return False, "controls are off: launch with view_controls:=true"
+        if name == DESCRIBE:
+            return True, own_sections(self.recording.parameters())
         if name in RECORDS:
             return self.recording.ask(name)
         said = []
