@@ -249,6 +249,15 @@ def test_a_page_that_may_not_is_refused_by_the_skin_too(viewed):
     assert viewed.view.skins[""]._call("reset")[0] is False and viewed.asked == []
 
 
+def test_before_the_first_reading_nothing_has_an_age(fresh, monkeypatch):
+    """It was the seconds since 1970."""
+    skin, shown = fresh.view.skins[""], []
+    monkeypatch.setattr(skin.page, "show", shown.append)
+    skin.page.watched = True
+    skin.show()
+    assert shown[0].stamp == 0.0 and shown[0].read_at is None
+
+
 def test_the_skin_goes_on_when_the_pages_process_dies(fresh, caplog):
     os.kill(fresh.view._page._process.pid, signal.SIGKILL)
     until(lambda: "has ended" in caplog.text)

@@ -164,8 +164,9 @@ class ShownSkin:
         self._sent = snapshot.stamp, t
         if t - self._stop_at > _UNHEARD:
             snapshot = replace(snapshot, stop=None)
-        age = now(self.node) - snapshot.stamp
-        self.page.show(replace(snapshot, read_at=t - age))
+        if snapshot.stamp:  # else nothing has been read yet
+            snapshot = replace(snapshot, read_at=t - (now(self.node) - snapshot.stamp))
+        self.page.show(snapshot)
 
     def obey(self) -> None:
         """Do what the pages ask for, until their process ends."""
