@@ -3,7 +3,7 @@
 
 The file holds an array (n, rows, cols) of readings as ratios of full scale: record_frames.py.
 
-    python examples/replay_frames.py frames.npy
+    python examples/replay_frames.py frames.npy [mine.yaml]
 """
 
 import sys
@@ -15,7 +15,12 @@ from tactile_skin import compensate
 from tactile_skin.launch import read_skin
 
 frames = np.load(sys.argv[1])  # (n, rows, cols)
-circuit, curve, _ = read_skin()  # of the shipped configuration; yours: read_skin("mine.yaml")
+circuit, curve, _ = read_skin(*sys.argv[2:])  # without a file: of the shipped configuration
+if frames.shape[1:] != circuit.shape or not (0.0 <= frames.min() <= frames.max() <= 1.0):
+    sys.exit(
+        f"{sys.argv[1]}: {frames.shape} numbers from {frames.min():g} to {frames.max():g}: must be "
+        f"(n, {circuit.rows}, {circuit.cols}) ratios from 0 to 1; another skin: give its file"
+    )
 
 estimate, sums, times, doubted = None, [], [], 0
 for adc in frames:

@@ -113,7 +113,7 @@ def open_port(name: str, baud: int):
 
 def _opened(name: str, baud: int):
     # two readers of one port would each get half of the bytes
-    alone = {"exclusive": True} if name.startswith("/") else {}
+    alone = {} if "://" in name else {"exclusive": True}
     return serial.serial_for_url(name, baud, timeout=_TIMEOUT, **alone)
 
 

@@ -51,6 +51,7 @@ _KINDS: dict[str, type] = {
     **{name: type(leaf.default) for name, leaf in _BOARD.items()},
 }
 _LIVE = ("baud", "protocol", "seconds")
+_COUNTED = 10.0  # s after which what is left is said
 _SECONDS = 5.0, 3600.0
 _CORRUPT = 0.005  # share of the frames damaged, from which the link is bad;
 _LOST = 0.05  # the same of frames lost
@@ -153,7 +154,11 @@ def _listen(given: dict, board: dict) -> tuple[np.ndarray, list[Finding]]:
     with closing(Live(given.get("config"), board | driver | {"frozen_after": 0.0})) as live:
         live(0.0)
         print(f"hands off for 5 s, then press everywhere, with pauses: {seconds:g} s", flush=True)
-        frames = live(seconds)
+        parts = [live(min(_COUNTED, seconds))]
+        while (left := seconds - len(parts) * _COUNTED) > 0.0:
+            print(f"{left:g} s left", flush=True)
+            parts.append(live(min(_COUNTED, left)))
+        frames = np.concatenate(parts)
         counters, reconnects = live.driver.counters, live.driver.reconnects
     print(
         f"{len(frames) / seconds:.0f} frames a second, {counters.corrupt} damaged (CRC or line), "

@@ -25,6 +25,8 @@ _SCALES = (
     "ratios; resistances and forces cannot be read: print what the ADC reads"
 )
 _DIODE = 0.58  # V at 1 mA, of the commonest: a 1N4148 (data sheet)
+_R_REF = 1780  # ohm, of the paper's board
+_PULL_UP = 35000  # ohm, in the middle of an Arduino's INPUT_PULLUP, which has 20 to 50 kohm
 _R_PAR = {"loaded": PIN, "grounded": 0.0, "virtual_ground": 0.0}  # ohm
 
 # A question, and what reads its answer, by ValueError if it is none: it is asked again then.
@@ -95,7 +97,8 @@ def _cells(found: Heard, ask: Ask) -> tuple[int, int]:
                 return shape
         raise ValueError(f"{typed!r}: must be rows x columns, {_size(found.seen)}")
 
-    return ask(f"rows x columns of its {cells} cells [{usual}]: ", read)
+    about = f"rows x columns of its {cells} cells, the outer loop of its sketch first [{usual}]: "
+    return ask(about, read)
 
 
 def _size(seen: Seen) -> str:
@@ -114,8 +117,9 @@ def _answers(seen: Seen, answers: dict, ask: Ask) -> dict:
         )
         answers = ask(about, _wiring) | answers
     if "r_ref" not in answers:
-        about = "reference resistor r_ref [ohm] [1780]: "
-        answers["r_ref"] = ask(about, lambda typed: _number("r_ref", typed or "1780"))
+        usual = f"{_PULL_UP if answers.get('pull_up') else _R_REF:g}"
+        about = f"reference resistor r_ref [ohm] [{usual}]: "
+        answers["r_ref"] = ask(about, lambda typed: _number("r_ref", typed or usual))
     if not seen.adc_bits and "full_scale" not in answers:
         usual = f"{scale:g}" if (scale := _usual_scale(seen)) else ""
         brackets = f" [{usual}]" if usual else f" ({_SCALES})"

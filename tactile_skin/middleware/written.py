@@ -10,13 +10,33 @@ import tempfile
 from itertools import dropwhile
 from pathlib import Path
 
+from ..fields import leaves
 from ..files import read_text
-from ..yaml_files import YAML_BYTES, read_yaml
+from ..yaml_files import YAML_BYTES, read_yaml, write_yaml
+from .package import SKIN_NODES
+from .parameter_file import last_of
 
 _NOTE = "# calibrate: "  # begins the lines at a file's top that the last calibration wrote
 _LINE = 1 << 20  # characters: a list is a line, some are as long as the skin has cells
 _PARAMETERS = "ros__parameters"
 _EVERY = "/**"  # section for every node
+
+
+def own_sections(nodes: dict[str, dict]) -> str:
+    """Return the sections of a parameter file of what the nodes of a skin do not share.
+
+    Args:
+        nodes: full name of each node that runs -> {parameter: value}; its defaults are left out.
+    """
+    from ..parameters.nodes import SECTIONS, own_names  # here: as in ParameterFile
+
+    sections: dict[str, dict] = {}
+    for node, values in nodes.items():
+        if (name := last_of(node)) in SKIN_NODES:
+            usual = {leaf.name: leaf.default for leaf in leaves(SECTIONS[name])}
+            own = {k: v for k, v in values.items() if k in own_names(name) and v != usual[k]}
+            sections |= {f"{_EVERY}/{name}": {_PARAMETERS: own}} if own else {}
+    return write_yaml(sections) if sections else ""
 
 
 def entered(

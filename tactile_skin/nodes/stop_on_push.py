@@ -42,6 +42,8 @@ COUNTS_AS = "counts_as"  # key of a value: the force that the stop compares [N]
 PUSH = "push"  # key of a value: whether a push is on, whatever else stops the robot
 CAUSES = "causes"  # key of a value: what stops the robot, separated by spaces
 HEARTBEAT = 0.02  # s, between decisions when no reading comes
+# N, the largest quasi-static contact force that ISO/TS 15066 (2016), table A.2, permits: at thighs
+_BODY = 220.0
 _END = 0.95  # of the curve's last force, which noise keeps a cell from reading quite
 _UNKNOWN = {  # what compensation does not know -> in words
     diagnostics.SCALE: "newtons are not proved",
@@ -155,6 +157,7 @@ class StopOnPush:
         self._largest = _END * given.curve.force[-1] * min(given.curve.gain)
         with concerning("peak", "curve"):
             self._check(self.policy.config)
+        self._warn_of_threshold(self.policy.config.threshold)
         self._decisions = Decisions(node)
         self._header = Header()
         self._force = self._most = 0.0
@@ -174,10 +177,22 @@ class StopOnPush:
                 f"that no cell would ever reach it: must be at most {self._largest:.3g} N"
             )
 
+    def _warn_of_threshold(self, threshold: float) -> None:
+        if threshold > (most := min(_BODY, self._circuit.populated.sum() * self._largest)):
+            self.node.get_logger().warning(
+                "threshold = %g N: above %.3g N, %s: no push will stop the robot",
+                threshold,
+                most,
+                "what any part of a body bears (ISO/TS 15066)"
+                if most == _BODY
+                else "what all cells of this skin feel together",
+            )
+
     def on_parameters(self, values: dict) -> None:
         """Limits that change while the robot moves."""
         config = dataclasses.replace(self.policy.config, **values)
         self._check(config)
+        self._warn_of_threshold(config.threshold)
         self.policy.configure(config)
 
     def on_contacts(self, msg: PointCloud2) -> None:

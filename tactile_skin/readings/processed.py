@@ -73,6 +73,11 @@ class Processed(NamedTuple):
         return "these are not ADC readings: " + ", ".join(filter(None, [top, seen]))
 
 
+def sample_of(steps: np.ndarray) -> np.ndarray:
+    """Return those of (n, rows, cols) that `processed` looks at."""
+    return steps[:: -(-len(steps) // _FRAMES)]
+
+
 def processed(
     steps, adc_bits: int, threshold: float = 0.0, unresolved: float = 0.0
 ) -> Processed | None:
@@ -84,7 +89,7 @@ def processed(
         threshold: up to which it is known to send 0 [ADC steps].
         unresolved: what a reading of 0 may stand for [ADC steps], of an ADC that reads too low.
     """
-    steps = np.asarray(steps, float)[:: -(-len(steps) // _FRAMES)]
+    steps = np.asarray(sample_of(steps), float)
     steps = steps.reshape(len(steps), -1)
     live = ~np.isnan(steps).any(0)
     if len(steps) >= SEVERAL:

@@ -8,7 +8,7 @@ few small values. Otherwise nothing is guessed.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import datetime
 from enum import Enum
 from itertools import product
@@ -92,30 +92,32 @@ class Split(NamedTuple):
 ALL_CELLS = Split(0, [])
 
 
-def split(columns: list[Column], cells: int, cycle: int = 1) -> Split | None:
+def split(column: Callable[[int], Column], width: int, cells: int, cycle: int = 1) -> Split | None:
     """Return which columns of a table are its cells; None: its columns do not tell.
 
     Args:
-        columns: all of them, in order.
+        column: returns the column of a number from 0.
+        width: how many there are.
         cells: how many of them are cells, next to each other.
         cycle: lines of a frame.
     """
-    others = len(columns) - cells
-    typical = np.array([_median(c.numbers) for c in columns])
+    others = width - cells
+    typical = np.array([_median(column(k).numbers) for k in range(width)])
+    ends = {k: column(k) for k in (*range(others), *range(cells, width))}
     found: list[tuple[float, Split]] = []
     for front in range(others + 1):
-        outside = [*range(front), *range(front + cells, len(columns))]
+        outside = [*range(front), *range(front + cells, width)]
         level = float(np.quantile(np.delete(typical, outside), 0.1))
-        seen = [role for k in outside if (role := _role(columns[k], cycle, level))]
+        seen = [role for k in outside if (role := _role(ends[k], cycle, level))]
         if len(seen) == others:
             found.append((sum(weight for _, weight in seen), Split(front, [r for r, _ in seen])))
     if not found:
         return None
     best = max(weight for weight, _ in found)
-    ends = [each for weight, each in found if weight == best]
-    if len(ends) > 1 and (ends[-1].front < others or Role.LABEL in ends[-1].roles):
+    likely = [each for weight, each in found if weight == best]
+    if len(likely) > 1 and (likely[-1].front < others or Role.LABEL in likely[-1].roles):
         return None
-    return ends[-1]  # of two that rise, the time is in front
+    return likely[-1]  # of two that rise, the time is in front
 
 
 def _median(values: np.ndarray) -> float:

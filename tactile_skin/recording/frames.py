@@ -5,21 +5,22 @@ from __future__ import annotations
 
 import io
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import FileError
-from ..files import decode, read_bytes
+from ..files import read_bytes, read_lines
 from ..middleware.config import SkinConfig, read_skin
 from ..physics.adc import NOT_READ, Adc
 from ..physics.circuit import Circuit
-from ..readings.processed import processed
+from ..readings.processed import processed, sample_of
 from ..readings.scale import Kind, scale_of, without_sentinel
 from .columns import is_time_name, spread
 from .lines import read_text
 from .reader import Recording
-from .tables import Found, Table, frames_of
+from .tables import Found, Table, by_part, frames_of, keep
 
 _PICKLES = (".pkl", ".pickle", ".p")
 _PICKLED = b"\x80"  # what a pickle begins with
@@ -107,12 +108,11 @@ def read_frames(
         return _of_recording(Recording(path, namespace), circuit)
     if circuit is None:
         raise FileError(f"{path}: does not say its rows and cols: give a configuration")
-    data = read_bytes(path, _LARGEST)
     try:
         if kind[:3] == ".np":
-            found = _of_numpy(path, data, kind, circuit)
+            found = _of_numpy(path, read_bytes(path, _LARGEST), kind, circuit)
         else:
-            found = read_text(decode(data), circuit)
+            found = read_text(partial(read_lines, path, _LARGEST), circuit)
     except FileError:
         raise
     except ValueError as error:
@@ -123,7 +123,10 @@ def read_frames(
 
 def _scaled(found: Frames, circuit: Circuit, full_scale: float | None) -> Frames:
     """With ADC steps or ratios; FileError: numbers that are neither, or may be two things."""
-    if not found.values.size or np.isnan(found.values).all():
+    if (
+        not found.values.size
+        or by_part(lambda part: np.isnan(part).all((1, 2)), found.values).all()
+    ):
         return found
     found.values, absent = without_sentinel(found.values)
     if absent:
@@ -136,19 +139,31 @@ def _scaled(found: Frames, circuit: Circuit, full_scale: float | None) -> Frames
             raise FileError(
                 f"{found.path}: numbers up to {top:.4g}, above full_scale = {full_scale:g}"
             )
-        found.values = found.values * (circuit.full_scale / full_scale)
+        found.values = _scale(found.values, circuit.full_scale / full_scale)
         return found
     if refused := scale.refused():
         raise FileError(f"{found.path}: {refused}")
-    cells = np.where(circuit.populated, found.values, np.nan)
-    if scale.kind is Kind.STEPS and (done := processed(cells, circuit.adc_bits)):
-        found.notes.append(str(done))
-    elif scale.kind is Kind.STEPS and (cells % 1 > 0.0).any():
-        found.notes.append(f"decimals up to {scale.high:.4g}: taken as means of ADC steps")
+    if scale.kind is Kind.STEPS:
+        seen = np.where(circuit.populated, sample_of(found.values), np.nan)
+        if done := processed(seen, circuit.adc_bits):
+            found.notes.append(str(done))
+        elif by_part(partial(_has_decimals, circuit), found.values).any():
+            found.notes.append(f"decimals up to {scale.high:.4g}: taken as means of ADC steps")
     if scale.kind is Kind.RATIOS:
         found.are_ratios = True
         found.notes.append(f"numbers up to {scale.high:.3g}: taken as ratios")
     return found
+
+
+def _has_decimals(circuit: Circuit, values: np.ndarray) -> np.ndarray:
+    """(n,) bool: frames that hold a decimal in a cell."""
+    return ((values % 1 > 0.0) & circuit.populated).any((1, 2))
+
+
+def _scale(values: np.ndarray, factor: float) -> np.ndarray:
+    """Return values * factor, in place where they are no integers."""
+    out = values if values.dtype.kind == "f" and values.dtype.itemsize > 2 else None
+    return np.multiply(values, factor, out=out)
 
 
 def _timed(found: Frames, rate: float | None) -> Frames:
@@ -269,7 +284,7 @@ def _rise(found: Frames) -> None:
     if not good.all():
         found.notes.append(f"{(~good).sum()} frames whose time does not rise: dropped")
         found.lost += int((~good).sum())
-    found.values, found.times = found.values[good], times[good]
+    found.values, found.times = keep(found.values, np.flatnonzero(good)), times[good]
     steps = np.diff(found.times)
     gaps = steps > _GAP * np.median(steps) if len(steps) else np.zeros(0, bool)
     if gaps.any():

@@ -5,7 +5,11 @@ from __future__ import annotations
 
 import csv
 import re
+from array import array
 from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -13,8 +17,10 @@ import numpy as np
 from ..errors import FileError
 from ..files import decode, read_bytes, shorten
 from ..physics.circuit import Circuit
-from .tables import ABSENT, Found, Table, frames_of, number
+from .gathered import Gathered, Line
+from .tables import ABSENT, Found, frames_of, number
 
+Blocks = Callable[[], Iterator[list[str]]]  # begins to read a text; its lines, some at a time
 _SAMPLE = 200  # lines that tell the separator
 _BRACKETS = str.maketrans("[](){}", "      ")  # of arrays that were printed
 _COMMA = re.compile(r"\d[\d,]*,\d+")  # a number with commas: of decimals, or of thousands
@@ -28,58 +34,79 @@ _NAME = re.compile(r'(?<![\w"])"?([A-Za-z_][\w .]*)"?\s*[:=]')  # of a number
 _HEADING = 3  # names in a line above the rows of a frame, at most
 _TEXT = 0.5  # share of a line's fields that are no numbers, at least, where it is no line of them
 _LARGEST_REFERENCE = 1 << 26  # bytes
-_PART = 0.5  # share of a frame's fields that a damaged line holds, at least
 
 
-class Line(NamedTuple):
-    """A line that is not empty."""
+class _Form(NamedTuple):
+    """How the lines of a file are written."""
 
-    number: int  # from 1
-    words: list[str]
-    numbers: np.ndarray  # of its fields; NaN: none
-    trails: bool  # whether a separator ends it
-    run: int  # that it belongs to
+    separator: str | None  # None: spaces
+    point: str  # what a comma within a number stands for: a point, or nothing
 
 
-def read_text(text: str, circuit: Circuit) -> Found:
-    """Return the frames of a text (ValueError: it holds none, or lines of another size)."""
-    lines = text.splitlines()
-    numeric, texts = sort_lines(lines)
-    if not numeric:
-        first = next((f": the first is {shorten(line)}" for line in lines if line.strip()), "")
-        raise ValueError(
-            f"holds no line of numbers with commas, semicolons, tabs or spaces between{first}"
-        )
-    weight: Counter[int] = Counter()
-    for line in numeric:
-        weight[len(line.words)] += len(line.words)
-    width = weight.most_common(1)[0][0]
-    alike = [line for line in numeric if len(line.words) == width]
+def read_text(blocks: Blocks, circuit: Circuit) -> Found:
+    """Return the frames of a text (ValueError: it holds none, or lines of another size).
+
+    Args:
+        blocks: begins to read it, and yields its lines, some at a time.
+        circuit: whose frames they are.
+    """
+    form = _form(blocks)
+    width = _usual(islice(_sorted(blocks, form), _SAMPLE))
+    while True:
+        gathered, passed = _gather(blocks, form, width)
+        if not gathered.widths:
+            lines = (line for block in blocks() for line in block if line.strip())
+            first = next((f": the first is {shorten(line)}" for line in lines), "")
+            raise ValueError(
+                f"holds no line of numbers with commas, semicolons, tabs or spaces between{first}"
+            )
+        widths = gathered.widths
+        usual = max(widths, key=lambda width: width * widths[width].lines)
+        if usual == width:
+            break
+        width = usual  # its first lines are of another one
+    alike = widths.pop(width)
     sizes = circuit.rows * circuit.cols, circuit.cols, circuit.rows
-    trails = width not in sizes and all(line.trails for line in alike)
+    trails = width not in sizes and alike.trails
+    names = [h for h in (alike.header, alike.names) if len(h) == width]
     width -= trails
-    begin = alike[0].number
-    header: list[str] = next((line.words for line in reversed(texts) if line.number < begin), [])
-    header = next(
-        (h[:width] for h in (header, _named(lines[begin - 1])[1]) if len(h) - trails == width), []
-    )
-    _check_unit(texts)
-    found = frames_of(_table(numeric, width, trails, header), circuit)
+    header = names[0][:width] if names else []
+    found = frames_of(gathered.table(width, header), circuit)
     notes = []
-    passed = [line.number for line in texts]
-    above = [k for k in passed if k < begin]
-    for dropped, why in (
-        (above[: -1 if header else None], "before the numbers: passed over"),
-        (passed[len(above) :], "with text among the numbers: dropped"),
-        (
-            [line.number for line in numeric if len(line.words) != width + trails],
-            f"of other than {width} fields: dropped",
-        ),
+    above = [k for k in passed if k < alike.begin]
+    among, others = passed[len(above) :], sum(other.lines for other in widths.values())
+    above = above[: -1 if header else None]
+    for dropped, why, at in (
+        (len(above), "before the numbers: passed over", above),
+        (len(among), "with text among the numbers: dropped", among),
+        (others, f"of other than {width} fields: dropped", [a.begin for a in widths.values()]),
     ):
         if dropped:
-            notes.append(f"{len(dropped)} lines {why} (the first: line {dropped[0]})")
+            notes.append(f"{dropped} lines {why} (the first: line {min(at)})")
     found.notes[:0] = notes
     return found
+
+
+def _usual(lines: Iterable[Line]) -> int:
+    """Return how many fields most of what stands in lines has; 1: none is of numbers."""
+    weight = Counter({1: 0})
+    for line in lines:
+        if not line.is_text:
+            weight[len(line.words)] += len(line.words)
+    return weight.most_common(1)[0][0]
+
+
+def _gather(blocks: Blocks, form: _Form, width: int) -> tuple[Gathered, array[int]]:
+    """Return the lines of numbers, and the numbers of the lines of text."""
+    gathered, passed, header = Gathered(width), array("i"), []
+    for line in _sorted(blocks, form):
+        if line.is_text:
+            _check_unit(line)
+            passed.append(line.number)
+            header = line.words
+        else:
+            gathered.add(line, header)
+    return gathered, passed
 
 
 def _named(line: str) -> tuple[str, list[str]]:
@@ -94,6 +121,17 @@ def _named(line: str) -> tuple[str, list[str]]:
     return _NAME.sub(" ", line), [field[1] if field else "" for field in fields]
 
 
+def _form(blocks: Blocks) -> _Form:
+    """Return how the lines are written, by the first ones, and by the first with commas within."""
+    separator = _separator(list(islice(_bare(blocks), _SAMPLE)))
+    held = (line for line in _bare(blocks) if "," in line and (separator != "," or '"' in line))
+    return _Form(separator, _point(list(islice(held, _SAMPLE)), separator))
+
+
+def _bare(blocks: Blocks) -> Iterator[str]:
+    return (_named(line)[0] for block in blocks() for line in block)
+
+
 def _separator(lines: list[str]) -> str | None:
     """Return the separator of the file; None: spaces."""
     counts = {mark: sum(line.count(mark) for line in lines) for mark in ";\t,"}
@@ -104,15 +142,15 @@ def _separator(lines: list[str]) -> str | None:
 
 
 def _point(lines: list[str], separator: str | None) -> str:
-    """Return what a comma within a number stands for: a point, or nothing, as of thousands."""
-    held = [line for line in lines if "," in line and (separator != "," or '"' in line)]
-    words = {word for line in held[:_SAMPLE] for word in _words(line, separator, ",")}
+    """Return what a comma within a number of these lines stands for."""
+    words = {word for line in lines for word in _words(line, _Form(separator, ","))}
     commas = [word for word in words if _COMMA.fullmatch(word)]
     by_thousands = commas and all(_THOUSANDS.fullmatch(word) for word in commas)
     return "" if by_thousands and any(_HUNDREDS.fullmatch(word) for word in words) else "."
 
 
-def _words(line: str, separator: str | None, point: str) -> list[str]:
+def _words(line: str, form: _Form) -> list[str]:
+    separator, point = form
     line = line.replace(_ARROW, separator or " ").translate(_BRACKETS)
     line = line.replace("\t", ",") if separator == "," else line  # behind a time
     if separator is None:
@@ -123,63 +161,48 @@ def _words(line: str, separator: str | None, point: str) -> list[str]:
         if quoted
         else line.split(separator)
     )
+    if separator == "," and not quoted:  # no word has a comma
+        return [w.strip() for w in words]
     return [w.strip().replace(",", point) for w in words]
 
 
-def sort_lines(lines: list[str]) -> tuple[list[Line], list[Line]]:
-    """Return lines of numbers, and the others, each with its run."""
-    numeric, texts, run, apart = [], [], 0, True
-    lines = [_named(line)[0] for line in lines]
-    separator = _separator(lines[:_SAMPLE])
-    point = _point(lines, separator)
-    for k, line in enumerate(lines, 1):
-        words = _words(line, separator, point) if line.strip() else []
-        numbers, text = _numbers(words)
-        trails = bool(separator and words) and not words[-1]
-        if not words or (text and text >= _TEXT * (len(words) - trails)):
-            apart = True
-            if words:
-                texts.append(Line(k, words, numbers, trails, run))
-        else:
-            run += apart
-            apart = False
-            numeric.append(Line(k, words, numbers, trails, run))
-    return numeric, texts
+def _sorted(blocks: Blocks, form: _Form) -> Iterator[Line]:
+    """Yield the lines that are not empty, each with its run, those of numbers and the others."""
+    run, broken = 0, True
+    for k, line in enumerate((line for block in blocks() for line in block), 1):
+        bare, names = _named(line)
+        words = _words(bare, form) if bare.strip() else []
+        if not words:
+            broken = True
+            continue
+        numbers, texts = _numbers(words)
+        trails = bool(form.separator) and not words[-1]
+        is_text = bool(texts) and len(texts) >= _TEXT * (len(words) - trails)
+        run += broken and not is_text
+        broken = is_text
+        yield Line(k, words, numbers, texts, trails, run, names, is_text)
 
 
-def _numbers(words: list[str]) -> tuple[np.ndarray, int]:
-    """Of a line's fields, NaN where there is none; and how many fields are text."""
+def _numbers(words: list[str]) -> tuple[np.ndarray, list[int]]:
+    """Of a line's fields, NaN where there is none; and which fields are text."""
+    try:
+        numbers = np.array(list(map(float, words)))
+        if np.isfinite(numbers).all():
+            return numbers, []
+    except ValueError:
+        pass
     numbers = np.array([number(word) for word in words])
     absent = np.flatnonzero(np.isnan(numbers))
-    return numbers, sum(words[k].lower() not in ABSENT for k in absent)
+    return numbers, [int(k) for k in absent if words[k].lower() not in ABSENT]
 
 
-def _check_unit(texts: list[Line]) -> None:
-    """ValueError: a unit of pressure stands above the numbers."""
-    for line in texts:
-        if (match := _UNIT.match(words := " ".join(line.words))) and _PRESSURE.search(match[1]):
-            raise ValueError(
-                f"line {line.number} says {words.strip()}: these are pressures of a calibrated "
-                "system, must be what the ADC reads"
-            )
-
-
-def _table(numeric: list[Line], width: int, trails: bool, header: list[str]) -> Table:
-    """Return the lines of one width; what is left of a damaged one holds its place."""
-    kept = [line for line in numeric if len(line.words) > _PART * width]
-    damaged = np.array([len(line.words) != width + trails for line in kept])
-    blank = np.full(width, np.nan)
-    numbers = np.array(
-        [blank if cut else line.numbers[:width] for line, cut in zip(kept, damaged, strict=True)]
-    )
-    texts = {
-        int(k): np.array(
-            ["" if cut else line.words[k] for line, cut in zip(kept, damaged, strict=True)], object
+def _check_unit(line: Line) -> None:
+    """ValueError: a line of text says a unit of pressure."""
+    if (match := _UNIT.match(words := " ".join(line.words))) and _PRESSURE.search(match[1]):
+        raise ValueError(
+            f"line {line.number} says {words.strip()}: these are pressures of a calibrated "
+            "system, must be what the ADC reads"
         )
-        for k in np.flatnonzero(np.isnan(numbers).any(0))
-    }
-    numbered, runs = (np.array([getattr(line, of) for line in kept]) for of in ("number", "run"))
-    return Table(numbers, numbered, runs, damaged, header, texts)
 
 
 def read_reference(path: str) -> tuple[np.ndarray, np.ndarray]:
@@ -190,9 +213,9 @@ def read_reference(path: str) -> tuple[np.ndarray, np.ndarray]:
         OSError: the file cannot be read.
     """
     lines = decode(read_bytes(path, _LARGEST_REFERENCE)).splitlines()
-    numeric, texts = sort_lines(lines)
+    blocks = partial(iter, [lines])
     values: list[np.ndarray] = []
-    for line in sorted([*numeric, *texts], key=lambda line: line.number):
+    for line in _sorted(blocks, _form(blocks)):
         where = f"{path}: line {line.number}, {shorten(lines[line.number - 1])}"
         if len(line.numbers) != 2 or np.isnan(line.numbers).any():
             if line.number == 1:

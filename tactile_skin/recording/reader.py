@@ -59,6 +59,7 @@ class Recording:
         self.attachments: dict[str, bytes] = {}
         self._schemas: dict[int, str] = {}  # number -> type
         self._channels: dict[int, tuple[str, str]] = {}  # number -> topic, type
+        self._undeclared: Counter[int] = Counter()  # number of a channel -> its messages, left out
         # place in the file, and times of the first and the last message, of each chunk [ns]
         self._chunks: list[tuple[int, int, int]] = []
         self._check_magic()
@@ -264,6 +265,7 @@ class Recording:
         if part := bool(self._chunks) and (begin > 0 or end < EVER):
             start, stop = (within[0], within[-1] + 1) if within else (size, size)
         damaged, whole, chunks = 0, False, []
+        self._undeclared.clear()
         with self.path.open("rb") as file:
             good = file.seek(start)
             reader = library.stream_reader.StreamReader(file, skip_magic=True, emit_chunks=True)
@@ -286,7 +288,9 @@ class Recording:
                 yield from self._wanted(found, begin, end, topics)
                 good = file.tell()
         said = [f"{damaged} damaged chunks are left out"] if damaged else []
-        if part and not damaged:
+        for number, count in self._undeclared.items():
+            said.append(f"{count} messages of channel {number}, not declared, are left out")
+        if part and not said:
             return
         self._chunks = self._chunks or chunks
         if not (whole or part):
@@ -301,6 +305,9 @@ class Recording:
         library = cdr.mcap().records
         for record in records:
             if isinstance(record, library.Message):
+                if record.channel_id not in self._channels:
+                    self._undeclared[record.channel_id] += 1
+                    continue
                 here = not topics or self._channels[record.channel_id][0] in topics
                 if here and begin <= record.log_time < end:
                     yield record.channel_id, record.log_time, record.data

@@ -15,6 +15,7 @@ from .columns import Column, Role
 
 ABSENT = {"", "-", "nan", "null"}  # fields that stand for a crossing that was not read
 _LINES_OF_CELLS = 8  # frames in which lines that hold a cell each are looked for
+_AT_ONCE = 1024  # frames, or lines, of which something is made together
 _NUMBERED = 16  # cells of which no reading looks like a header that numbers them: 0, 1, 2 ...
 
 
@@ -27,8 +28,12 @@ class Table:
     runs: np.ndarray  # (n,) rising, the same for lines that follow each other with nothing between
     damaged: np.ndarray  # (n,) bool, lines that stand for one of another width
     names: list[str] = field(default_factory=list)  # of the columns; empty: none
-    # column -> its fields as text, of columns that hold any
+    # column -> (n,) its texts, empty where it has none, of the first and last columns that lack any
+    # number
     texts: dict[int, np.ndarray] = field(default_factory=dict)
+    middle: np.ndarray | None = None  # (n,) bool, lines with text in another column; None: no line
+    # column -> (n,) its numbers [float64], of which `numbers` holds less
+    finer: dict[int, np.ndarray] = field(default_factory=dict)
 
     @classmethod
     def of_numbers(cls, numbers: np.ndarray) -> Table:
@@ -44,12 +49,23 @@ class Table:
             runs=self.runs[lines],
             damaged=self.damaged[lines],
             texts={k: words[lines] for k, words in self.texts.items()},
+            middle=None if self.middle is None else self.middle[lines],
+            finer={k: numbers[lines] for k, numbers in self.finer.items()},
         )
 
     def column(self, k: int, lines=slice(None)) -> Column:
         name = self.names[k] if self.names else ""
         words = list(self.texts[k][lines]) if k in self.texts else []
-        return Column(name, self.numbers[lines, k], words)
+        numbers = self.finer.get(k, self.numbers[:, k])
+        return Column(name, numbers[lines].astype(float), words)
+
+    def cells(self, cells: range) -> np.ndarray:
+        """(n, cells) numbers of these columns, as a view where that is possible."""
+        if finer := [k for k in self.finer if k in cells]:
+            self.numbers = self.numbers.astype(float)
+            for k in finer:
+                self.numbers[:, k] = self.finer[k]
+        return self.numbers[:, cells.start : cells.stop]
 
 
 @dataclass
@@ -102,8 +118,9 @@ def frames_of(table: Table, circuit: Circuit) -> Found:
     if layout.cells >= _NUMBERED and np.isnan(numbers[0]) and not np.diff(numbers[1:], 2).any():
         table = table.part(slice(1, None))  # as pandas writes an array: an empty field, 0, 1, 2 ...
     table = _written(table, layout, notes)
-    every = [table.column(k) for k in range(width)]
-    split = columns.split(every, layout.cells, layout.lines) if layout.others else columns.ALL_CELLS
+    split: columns.Split | None = columns.ALL_CELLS
+    if layout.others:
+        split = columns.split(table.column, width, layout.cells, layout.lines)
     if split is None:
         raise ValueError(
             f"{_holds(width, circuit)}, and neither its first nor its last fields show by a name, "
@@ -118,30 +135,58 @@ def frames_of(table: Table, circuit: Circuit) -> Found:
     if text.any():
         at = table.numbered[text][0]
         notes.append(f"{text.sum()} lines with text for a number: dropped (the first: line {at})")
-    values = table.numbers[lines][..., cells.start : cells.stop]
-    values = values.reshape(len(first), -1, layout.cells)
-    values = values.swapaxes(1, 2) if layout.turned else values
-    values = values.reshape(len(first), *circuit.shape)
-    blind = ~bad & np.isnan(values).all((1, 2))
-    kept = first[~bad & ~blind]
+    numbers = table.cells(cells)
+    empty = by_part(lambda part: np.isnan(part).all(1), numbers)
+    blind = ~bad & empty[lines].all(1)
+    good = ~bad & ~blind
+    outside = [k for k in range(width) if k not in cells]
+    others = [
+        (table.column(k, first[good]), role, _place(k, width))
+        for k, role in zip(outside, split.roles, strict=True)
+    ]
     if layout.lines > 1:
         notes.append(
             f"lines of {layout.cells} numbers: a {'column' if layout.turned else 'row'} of the "
             f"matrix a line, {layout.lines} lines a frame"
         )
-    if lost := len(table.numbers) - lines.size:
+    if lost := len(numbers) - lines.size:
         notes.append(f"{lost} lines that make no frame of {layout.lines}: dropped")
     if blind.any():
         at = table.numbered[first[blind][0]]
         notes.append(
             f"{blind.sum()} lines in which no crossing was read: dropped (the first: line {at})"
         )
-    found = Found(values[~bad & ~blind], None, notes)
+    found = Found(_frames(numbers, lines[good].ravel(), layout, circuit), None, notes)
     found.lost = int(bad.sum() + blind.sum()) + -(-lost // layout.lines)
-    if absent := int(np.isnan(found.values).sum()):
+    if absent := int(by_part(lambda part: np.isnan(part).sum((1, 2)), found.values).sum()):
         notes.append(f"{absent} fields without a number: taken as not read")
-    _tell_others(table, split, kept, found, cells)
+    _describe_others(others, found)
     return found
+
+
+def by_part(function, values: np.ndarray) -> np.ndarray:
+    """Return what a function makes of each frame of (n, ...) values, a part of them at a time."""
+    parts = range(0, max(len(values), 1), _AT_ONCE)
+    return np.concatenate([function(values[k : k + _AT_ONCE]) for k in parts])
+
+
+def keep(values: np.ndarray, kept: np.ndarray) -> np.ndarray:
+    """Return values[kept], of rising numbers, made in place of the values: a copy may not fit."""
+    if len(kept) == len(values):
+        return values
+    for k in range(0, len(kept), _AT_ONCE):
+        some = kept[k : k + _AT_ONCE]
+        values[k : k + len(some)] = values[some]
+    return values[: len(kept)]
+
+
+def _frames(
+    numbers: np.ndarray, lines: np.ndarray, layout: _Layout, circuit: Circuit
+) -> np.ndarray:
+    """(n, rows, cols) of the numbers of the lines that are kept."""
+    values = keep(numbers, lines).reshape(-1, layout.lines, layout.cells)
+    values = values.swapaxes(1, 2) if layout.turned else values
+    return values.reshape(-1, *circuit.shape)
 
 
 def _holds(width: int, circuit: Circuit) -> str:
@@ -187,7 +232,7 @@ def _layout(table: Table, circuit: Circuit) -> _Layout:
 
 def _written(table: Table, layout: _Layout, notes: list[str]) -> Table:
     """Without the zeros at its end that a buffer held which was never filled."""
-    zero = (table.numbers == 0.0).sum(1) >= layout.cells
+    zero = by_part(lambda part: (part == 0.0).sum(1), table.numbers) >= layout.cells
     last = int(np.flatnonzero(~zero)[-1]) + 1 if not zero.all() else len(zero)
     last += -last % layout.lines
     if last >= len(zero) or zero[:last].reshape(-1, layout.lines).all(1).any():
@@ -199,11 +244,10 @@ def _written(table: Table, layout: _Layout, notes: list[str]) -> Table:
 
 def _with_text(table: Table, cells: range) -> np.ndarray:
     """(n,) bool: lines with text where a cell's number should be."""
-    found = np.zeros(len(table.numbers), bool)
+    found = np.zeros(len(table.numbers), bool) if table.middle is None else table.middle
     for k in cells:
         if k in table.texts:
-            absent = np.array([word.lower() in ABSENT for word in table.texts[k]])
-            found |= np.isnan(table.numbers[:, k]) & ~absent
+            found = found | (table.texts[k] != "")
     return found
 
 
@@ -218,21 +262,14 @@ def _first_lines(runs: np.ndarray, lines: int) -> np.ndarray:
     return np.array(found, dtype=int)
 
 
-def _tell_others(table: Table, split: columns.Split, kept, found: Found, cells: range) -> None:
-    """Add to `found` times and notes from the columns that are no cells."""
-    width, timed, places = table.numbers.shape[1], [], []
-    outside = [k for k in range(width) if k not in cells]
-    for k, role in zip(outside, split.roles, strict=True):
-        column, place = table.column(k, kept), _place(k, width)
-        if role is Role.TIME:
-            timed.append(column)
-            places.append(place)
-        else:
-            found.notes.append(
-                f"{place} {'counts' if role is Role.COUNTER else 'is a label'}: passed over"
-            )
-    if timed:
-        found.times = columns.times(timed, found.notes, places)
+def _describe_others(others: list[tuple[Column, Role, str]], found: Found) -> None:
+    """Add to `found` times and notes from the columns that are no cells, each with its place."""
+    for _, role, place in others:
+        if role is not Role.TIME:
+            what = "counts" if role is Role.COUNTER else "is a label"
+            found.notes.append(f"{place} {what}: passed over")
+    if timed := [(column, place) for column, role, place in others if role is Role.TIME]:
+        found.times = columns.times([c for c, _ in timed], found.notes, [p for _, p in timed])
 
 
 def _place(k: int, width: int) -> str:

@@ -105,4 +105,4 @@ async def run(listening: socket.socket, sockets: list[socket.socket]) -> None:
         pictures, work = Pictures(configured), Work(configured, parameters)
         live = Live(skin, name or "live", Log(pictures.push_of), work, ended)
         skins[name] = Shown(live, pictures)
-    await serve(listening, skins, ended, said["controls"], said["host"])
+    await serve(listening, skins, ended, said["controls"], said["host"], said["token"])

@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import contextlib
 import importlib.util
+import ipaddress
 import json
 import os
 import pickle
+import secrets
 import socket
 import subprocess
 import sys
@@ -21,7 +23,9 @@ from pathlib import Path
 from ..errors import LaunchError
 from .snapshot import Snapshot
 
+DESCRIBE = "describe"  # what the skin is asked for before a page calibrates: its nodes' parameters
 LARGEST = 1 << 18  # bytes of a message
+_TOKEN = 9  # bytes that nobody guesses, 12 characters
 _END_WITHIN = 0.05  # s for the process to end by itself
 
 
@@ -30,6 +34,7 @@ class PageProcess:
 
     Args:
         controls: whether a page may steer.
+        address: where it is served; who may steer from other computers has its token from there.
         skins: name -> parameters of the skin; the attribute: name -> the way to what is shown.
 
     Raises:
@@ -41,11 +46,15 @@ class PageProcess:
         with contextlib.ExitStack() as stack:
             listening, theirs = stack.enter_context(listen(host, port)), []
             self.address = address_of(listening)
+            token = ""
+            if controls and not ipaddress.ip_address(listening.getsockname()[0]).is_loopback:
+                token = secrets.token_urlsafe(_TOKEN)
+                self.address += f"/#{token}"
             for name, parameters in skins.items():
                 ours, their = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
                 theirs.append(stack.enter_context(their))
                 self.skins[name] = ToPage(ours)
-                of_page = {"host": host, "controls": controls}
+                of_page = {"host": host, "controls": controls, "token": token}
                 first = {"name": name, "parameters": parameters} | of_page
                 self.skins[name].send(first)
             self._process = _start(listening, theirs)

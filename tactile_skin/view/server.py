@@ -15,6 +15,7 @@ import contextlib
 import ipaddress
 import json
 import logging
+import secrets
 import socket
 import time
 from collections import Counter, OrderedDict
@@ -32,7 +33,7 @@ from websockets.http11 import Request, Response
 
 from ..solvers import METHODS
 from .pictures import PUBLISHED, Pictures
-from .process import url_of
+from .process import DESCRIBE, url_of
 
 if TYPE_CHECKING:
     from .live import Live
@@ -84,6 +85,7 @@ class Wanted:
     at: float = 0.0
     ask: str = ""  # one of ASKS; empty: a snapshot
     text: str = ""  # what was typed, to "answer"
+    token: str = ""  # that the address had, with what it asks for
 
 
 def read_wanted(text: str | bytes) -> Wanted:
@@ -101,6 +103,7 @@ def read_wanted(text: str | bytes) -> Wanted:
         and abs(wanted.at) < _LATEST
         and wanted.ask in ("", *ASKS)
         and isinstance(wanted.text, str)
+        and isinstance(wanted.token, str)
     ):
         raise ValueError("a value out of range")
     return wanted
@@ -140,9 +143,11 @@ class Server:
         skins: name -> what is shown of it; the name of one alone, and of the body, is empty.
         controls: whether pages may ask for "tare" and "reset".
         host: what it was asked to listen on, a name or an address.
+        token: that who steers has from the address; empty: none is needed.
     """
 
-    def __init__(self, skins: Mapping[str, Shown], controls: bool, host: str = ""):
+    def __init__(self, skins: Mapping[str, Shown], controls: bool, host: str = "", token: str = ""):
+        self._token = token
         self._skins, self._controls, self._host = skins, controls, host
         self._names = [name for name in skins if name]  # of a body
         self._pages: Counter[str] = Counter()
@@ -168,7 +173,8 @@ class Server:
             )
         if any(origin != f"http://{hosts[0]}" for origin in origins):
             return _text(HTTPStatus.FORBIDDEN, "not for pages of another origin")
-        path, _, name = request.path.partition("?")
+        path, _, query = request.path.partition("?")
+        name, _, token = query.partition("&")
         skin = self._skins.get(name)
         if path == _WEBSOCKET and skin:
             if not origins:
@@ -177,11 +183,16 @@ class Server:
                 return _text(HTTPStatus.SERVICE_UNAVAILABLE, f"{_PAGES} pages are open already")
             return None
         work = skin.source.work if skin else None
-        if self._controls and work and (found := work.files.get(path)):
+        if self._may(token) and work and (found := work.files.get(path)):
             return _response(HTTPStatus.OK, found, "application/octet-stream")
         if request.path not in self._files:
             return _text(HTTPStatus.NOT_FOUND, "no such file")
         return _response(HTTPStatus.OK, *self._files[request.path])
+
+    def _may(self, token: str) -> bool:
+        """Whether who shows this token may steer."""
+        right = secrets.compare_digest(token.encode(), self._token.encode())
+        return self._controls and (right or not self._token)
 
     async def page(self, connection: ServerConnection) -> None:
         """Talk with one page until it leaves."""
@@ -243,12 +254,18 @@ class Server:
         answer = {"answer": wanted.ask, "success": False, "message": "controls are off"}
         if not self._controls:
             return answer
+        if not self._may(wanted.token):
+            return answer | {"message": "open the address that launch printed: it has a token"}
         if wanted.ask not in OF_PAGE:
             return await source.ask(wanted.ask)
         if source.work is None:
             return answer | {"message": "no running skin"}
+        text = wanted.text
+        if wanted.ask == "calibrate":
+            described = await source.ask(DESCRIBE)
+            text = described["message"] if described["success"] else ""
         try:
-            source.work.ask(wanted.ask, wanted.text)
+            source.work.ask(wanted.ask, text)
         except ValueError as error:
             return answer | {"message": str(error)}
         if wanted.ask == "detect" and not (lent := await source.ask(_LEND))["success"]:
@@ -279,9 +296,10 @@ async def serve(
     ended: asyncio.Event,
     controls: bool,
     host: str = "",
+    token: str = "",
 ) -> None:
     """Serve the page on a listening socket until `ended`; the others are those of `Server`."""
-    server = Server(skins, controls, host)
+    server = Server(skins, controls, host, token)
     strangers = logging.getLogger("tactile_skin.view.strangers")
     strangers.setLevel(logging.CRITICAL)  # what they send is no news
     async with serve_websockets(

@@ -69,6 +69,7 @@ class Work:
                 self._given.setdefault(group, {})[name] = given[f"{group}.{name}"]
         self.version, self.files = 0, dict[str, bytes]()
         self._task, self._recording = "", False
+        self._sections = ""  # of the nodes, for the file that a calibration writes
         self._question: str | None = None
         self._until: float | None = None  # monotonic, of a count-down [s]
         self._lines: deque[str] = deque(maxlen=_LINES)
@@ -115,6 +116,10 @@ class Work:
     def ask(self, name: str, text: str) -> None:
         """Do what a page asks for: "detect", "calibrate", "doctor", "answer" or "give up".
 
+        Args:
+            text: to "answer", what was typed; to "calibrate", sections that the file begins with
+                besides the skin's.
+
         Raises:
             ValueError: that is not possible now.
         """
@@ -129,6 +134,7 @@ class Work:
         elif self._task:
             raise ValueError(f"{self._task} is at work: answer it, or give it up")
         else:
+            self._sections = text
             self._begin(name)
         self._changed()
 
@@ -229,7 +235,7 @@ class Work:
 
     def _calibrate_skin(self) -> None:
         section = {"/**": {"ros__parameters": self._given}}
-        self._calibrate(self._skin, write_yaml(section))
+        self._calibrate(self._skin, write_yaml(section) + self._sections)
 
     def _calibrate(self, skin: SkinConfig, text: str) -> None:
         """Lead through the steps; what was learnt is entered in the text of a parameter file."""
@@ -254,7 +260,7 @@ class Work:
             self.files[CALIBRATED] = path.read_bytes()
         self._say(
             f"Learnt: {', '.join(guide.learnt)}. Download calibrated.yaml, and launch with "
-            "config:=calibrated.yaml; it holds the board, the curve and the shape, no limits."
+            "config:=calibrated.yaml; it holds what this skin was launched with, too."
         )
 
     def _doctor(self) -> None:

@@ -246,6 +246,14 @@ def test_a_port_may_take_its_time_without_a_word(tmp_path, heard, reading):
     assert heard.lines == [f"frames arrive on {tmp_path / 'later'}"]
 
 
+@pytest.mark.parametrize("relative", [False, True])
+def test_a_port_is_ours_alone_by_whatever_path(silent_port, relative):
+    """A relative one was shared: each reader got half of the bytes."""
+    name = os.path.relpath(silent_port) if relative else str(silent_port)
+    with open_port(name, 115200), pytest.raises(ValueError, match="in use by another program"):
+        open_port(str(silent_port), 115200)
+
+
 def test_a_port_in_use_is_said_to_be(silent_port, heard, reading):
     """Two readers would get half of the bytes each; when the other one leaves, this one goes on."""
     with serial.Serial(str(silent_port), exclusive=True):

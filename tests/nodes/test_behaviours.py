@@ -192,6 +192,24 @@ def test_a_stop_node_that_dies_stops_the_robot(robot):
     assert robot.why() == "motion withheld: no message from the stop"
 
 
+@pytest.mark.parametrize(
+    ("threshold", "said"),
+    [
+        (220.0, ""),
+        (300.0, "threshold = 300 N: above 220 N, what any part of a body bears"),
+    ],
+)
+def test_a_threshold_that_no_push_reaches_is_warned_of(caplog, threshold, said):
+    """At the start, and where it is changed."""
+    robot = Robot(stop={"threshold": threshold})
+    assert (said in caplog.text) and ("no push will stop" in caplog.text) == bool(said)
+    caplog.clear()
+    robot.stop.on_parameters({"threshold": 30.0})
+    assert not caplog.text
+    robot.stop.on_parameters({"threshold": 400.0})
+    assert "threshold = 400 N: above 220 N" in caplog.text
+
+
 def test_a_push_while_the_stream_is_stale(robot):
     """The frames stay away, somebody pushes, the frames come back: it never moved in between."""
     robot.wish = (0.3, 0.0, 0.0)

@@ -17,6 +17,7 @@ from support.page import unpack
 from support.patience import PATIENCE, until
 from websockets.asyncio.client import connect
 
+from tactile_skin.behaviours.stop import StopConfig
 from tactile_skin.errors import LaunchError
 from tactile_skin.launch import Skin, read_plan
 from tactile_skin.middleware.bus import (
@@ -26,6 +27,7 @@ from tactile_skin.middleware.bus import (
     Node,
     Parameter,
 )
+from tactile_skin.middleware.parameter_file import ParameterFile
 from tactile_skin.msg import (
     DiagnosticArray,
     DiagnosticStatus,
@@ -38,7 +40,7 @@ from tactile_skin.msg import (
 from tactile_skin.nodes.observers import view
 from tactile_skin.nodes.observers.view import View
 from tactile_skin.recording.reader import Recording
-from tactile_skin.view.process import listen
+from tactile_skin.view.process import PageProcess, listen
 from tactile_skin.view.snapshot import LATCHED, STOP
 
 pytestmark = pytest.mark.live
@@ -177,9 +179,24 @@ def test_a_page_that_may_tares_and_resets(viewed):
     assert viewed.asked == ["compensation/tare", "compensation/reset", "stop_on_push/reset"]
 
 
+@pytest.mark.parametrize(
+    ("host", "controls", "guarded"),
+    [("127.0.0.1", True, False), ("0.0.0.0", False, False), ("0.0.0.0", True, True)],
+)
+def test_the_printed_address_has_a_token_where_others_may_steer(host, controls, guarded):
+    pages = [PageProcess(host, 0, controls, {}) for _ in range(2)]
+    tokens = [page.address.partition("/#")[2] for page in pages]
+    for page in pages:
+        page.close()
+    assert all(len(token) == 12 for token in tokens) if guarded else tokens == ["", ""]
+    assert len(set(tokens)) == 1 + guarded
+
+
 @pytest.mark.parametrize("viewed", [True], indirect=True)
 def test_a_page_that_may_records_all_that_is_published(viewed, tmp_path):
     pytest.importorskip("mcap", reason="makes recordings")
+    given = [Parameter("format", "{:d},")]
+    driver = Node("serial_driver", context=viewed.node.context, parameter_overrides=given)
 
     async def scenario(page):
         async def ask(name):
@@ -187,6 +204,7 @@ def test_a_page_that_may_records_all_that_is_published(viewed, tmp_path):
             return json.loads(await page.recv())["said"]
 
         assert (await ask("finish"))["message"] == "nothing is recorded"
+        assert driver.declare_parameter("format", "").value == "{:d},"
         assert (await ask("record"))["success"]
         assert (await ask("record"))["message"] == "a recording is on already"
         for k in range(300, 325):
@@ -199,12 +217,45 @@ def test_a_page_that_may_records_all_that_is_published(viewed, tmp_path):
         (tmp_path / "r.mcap").write_bytes(answer.read())
     recording = Recording(tmp_path / "r.mcap")
     times = [message.header.stamp.sec for _, _, message in recording.messages("/skin/adc")]
+    assert recording.node_parameters("serial_driver") == {"format": "{:d},"}
     assert times == list(range(300, 325)) and recording.skin.circuit.shape == (16, 16)
+
+
+@pytest.mark.parametrize("viewed", [True], indirect=True)
+def test_a_page_is_given_what_the_nodes_were_launched_with(viewed, tmp_path):
+    """What `detect` wrote for a board: its calibration must not lose it."""
+    given = {
+        "serial_driver": {"protocol": "text", "format.full_scale": 3300.0, "circuit.rows": 8},
+        "stop_on_push": {"debounce": 0.01, "threshold": StopConfig.threshold},
+        "monitor": {"rate": 5.0},
+    }
+    nodes = []  # held as long as the page may ask
+    for name, values in given.items():
+        node = Node(name, context=viewed.node.context)
+        for key, value in values.items():
+            node.declare_parameter(key, value)
+        nodes.append(node)
+    answered, text = viewed.view.skins[""]._call("describe")
+    assert answered
+    (tmp_path / "a.yaml").write_text("/**: {ros__parameters: {circuit: {rows: 8}}}\n" + text)
+    found = ParameterFile(tmp_path / "a.yaml").sections
+    assert found["/**/serial_driver"] == {"protocol": "text", "format.full_scale": 3300.0}
+    assert found["/**/stop_on_push"] == {"debounce": 0.01}
+    assert set(found) == {"/**", "/**/serial_driver", "/**/stop_on_push"}
 
 
 def test_a_page_that_may_not_is_refused_by_the_skin_too(viewed):
     """Whatever the page's process is made to ask for."""
     assert viewed.view.skins[""]._call("reset")[0] is False and viewed.asked == []
+
+
+def test_before_the_first_reading_nothing_has_an_age(fresh, monkeypatch):
+    """It was the seconds since 1970."""
+    skin, shown = fresh.view.skins[""], []
+    monkeypatch.setattr(skin.page, "show", shown.append)
+    skin.page.watched = True
+    skin.show()
+    assert shown[0].stamp == 0.0 and shown[0].read_at is None
 
 
 def test_the_skin_goes_on_when_the_pages_process_dies(fresh, caplog):

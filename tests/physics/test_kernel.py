@@ -6,9 +6,12 @@ That both are right is what the other tests of physics and solvers say, which ru
 
 from __future__ import annotations
 
+import _ctypes
 import ctypes
+import importlib.machinery
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -64,6 +67,17 @@ def test_what_was_compiled_from_other_sources_is_not_used(tmp_path):
     others[0].write_text("int other;")
     with pytest.warns(UserWarning, match="compiled from other sources and are not used"):
         assert compiled._load(others) is None
+
+
+@pytest.mark.parametrize("damage", ["empty", "text", "foreign"])
+def test_a_library_that_cannot_be_loaded_is_named_and_not_used(tmp_path, monkeypatch, damage):
+    foreign = Path(_ctypes.__file__).read_bytes()
+    path = tmp_path / f"{damage}.so"
+    path.write_bytes({"empty": b"", "text": b"no object file", "foreign": foreign}[damage])
+    found = importlib.machinery.ModuleSpec("_loops", None, origin=str(path))
+    monkeypatch.setattr(compiled, "find_spec", lambda name: found)
+    with pytest.warns(UserWarning, match=f"cannot be loaded .*{damage}.so.* are not used"):
+        assert compiled._load(compiled.SOURCES) is None
 
 
 @pytest.mark.parametrize("shape", SIZES, ids=str)

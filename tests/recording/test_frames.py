@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Frames of foreign boards: read, repaired with a word, or refused with one."""
 
+import tracemalloc
 from datetime import datetime, timedelta
+from itertools import product
 
 import numpy as np
 import pytest
@@ -9,7 +11,7 @@ import recorded
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactile_skin import Circuit
+from tactile_skin import Circuit, files
 from tactile_skin.errors import FileError
 from tactile_skin.physics.adc import Adc
 from tactile_skin.recording.frames import read_frames
@@ -108,6 +110,56 @@ def test_every_line_that_is_lost_is_counted(tmp_path):
         "1 lines in which no crossing was read: dropped (the first: line 7)",
         "3 fields without a number: taken as not read",
     ]
+
+
+def test_a_file_takes_at_most_three_times_its_size_in_memory(tmp_path):
+    """Of few digits, and with a time: the numbers are the largest against their text."""
+
+    def peak_of(frames: int) -> tuple[int, int]:
+        rng = np.random.default_rng(1)
+        steps = rng.integers(0, 1024, (frames, 256)) * (rng.random((frames, 256)) < 0.05)
+        times = (f"{1.7e9 + k / 100:.3f}" for k in range(frames))
+        lines = [f"{t},{line}" for t, line in zip(times, plain(steps), strict=True)]
+        path = text(tmp_path, ["time_s," + ",".join(map(str, range(256))), *lines])
+        tracemalloc.start()
+        found = read_frames(path, Circuit(16, 16))
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        np.testing.assert_array_equal(found.values.reshape(frames, -1), steps)
+        np.testing.assert_allclose(np.diff(found.times), 0.01, atol=1e-6)
+        return path.stat().st_size, peak
+
+    (small, least), (large, most) = peak_of(1000), peak_of(5000)
+    assert most - least < 3.0 * (large - small)  # blocks take the same in both
+
+
+def test_lines_that_float32_does_not_hold_are_read_to_the_last_digit(tmp_path):
+    """A time in front, then cells too, behind a block of integers."""
+    cells = np.arange(10.0, 16.0) + np.zeros((25_000, 1))
+    cells[20_000:] += 0.1
+    lines = [f"{1.7e9 + k / 100:.2f},{line}" for k, line in enumerate(plain(cells))]
+    found = read_frames(text(tmp_path, ["time_s,a,b,c,d,e,f", *lines]), CIRCUIT)
+    np.testing.assert_array_equal(found.values.reshape(-1, 6), cells)
+    np.testing.assert_array_equal(found.times, [float(line.split(",")[0]) for line in lines])
+
+
+def test_a_first_line_that_is_cut_is_no_measure_of_the_others(tmp_path):
+    """Of a file of more than one block, in which most lines are of another width at first."""
+    good = plain(FRAMES) * 100
+    found = read_frames(text(tmp_path, ["1,2,3,4"] * 210 + good), CIRCUIT)
+    np.testing.assert_array_equal(found.values, np.tile(FRAMES, (100, 1, 1)))
+    assert found.notes == ["210 lines of other than 6 fields: dropped (the first: line 1)"]
+
+
+def test_lines_across_blocks(tmp_path, monkeypatch):
+    monkeypatch.setattr(files, "_BLOCK", 24)
+    for end, encoding in product(("\n", "\r\n", "\r"), ("utf-8", "utf-8-sig", "utf-16")):
+        path = tmp_path / "a.csv"
+        path.write_bytes(end.join(["µ", *plain(FRAMES)]).encode(encoding))
+        np.testing.assert_array_equal(read_frames(path, CIRCUIT).values, FRAMES)
+    path.write_text("1,2,3,4,5,6\n" + "1," * 30)
+    with pytest.raises(FileError, match=r"a.csv: line 2: is longer than"):
+        read_frames(path, CIRCUIT)
 
 
 def test_decimal_commas(tmp_path):

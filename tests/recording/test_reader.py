@@ -144,6 +144,44 @@ def test_types_that_are_not_known_are_listed_and_passed_over(tmp_path):
     assert [topic for topic, _, _ in found.messages()] == ["/skin/adc"]
 
 
+@pytest.mark.parametrize("close", [True, False], ids=["with an index", "cut off"])
+def test_messages_of_a_channel_that_is_not_declared_are_left_out_and_named(tmp_path, close):
+    frames = recorded.samples(20)
+    path = recorded.write(tmp_path / "a.mcap", frames, close=False)
+    writer = Writer(tmp_path / "b.mcap", {}, 0)
+    for k, frame in enumerate(frames):
+        data = cdr.encode(recorded.adc_image(frame, recorded.stamp(k)))
+        writer.write("/skin/adc", msg.Image, recorded.stamp(k), data)
+        if k % 4 == 0:
+            writer._writer.add_message(99, k, data, k)
+    writer.close() if close else writer.flush()
+    found = Recording(path.with_name("b.mcap"))
+    np.testing.assert_array_equal(found.adc, frames)
+    said = "5 messages of channel 99, not declared, are left out"
+    assert said in found.damage
+    assert len(list(found.messages())) == 20
+
+
+@pytest.mark.parametrize(
+    ("attached", "said"),
+    [
+        ("/compensation: {x: 1}", "/compensation = {'x': 1}: must hold ros__parameters"),
+        ("/compensation: {ros__parameters: null}", "ros__parameters': None}: must hold"),
+        ("/compensation: 5", "/compensation = 5: must hold ros__parameters"),
+        ("[1, 2]", r"holds \[1, 2\]: must map node names to ros__parameters"),
+        ("", "holds None: must map"),
+        (b"\xff\xfe\xfd", "parameters.yaml: "),
+        ("/compensation: {ros__parameters: {weights: [1]}}", "weights = \\[1\\]: must be"),
+    ],
+)
+def test_parameters_that_are_damaged_are_refused_by_name(tmp_path, attached, said):
+    data = attached if isinstance(attached, bytes) else attached.encode()
+    path = recorded.write(tmp_path / "a.mcap", recorded.samples(2), {"parameters.yaml": data})
+    with pytest.raises(FileError, match=said) as caught:
+        _ = Recording(path).parameters
+    assert str(path) in str(caught.value)
+
+
 def test_a_size_that_changes_is_refused(tmp_path):
     frames = [*recorded.samples(2), *recorded.samples(2, 3, 4)]
     with pytest.raises(FileError, match="size changes from 4 x 5 to 3 x 4"):

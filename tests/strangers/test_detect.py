@@ -19,7 +19,7 @@ from tactile_skin.msg import Image, image_array
 RATE = 20.0  # frames a second
 KINDS = {  # printed by -> what is typed
     "frame_a_line": ["8 x 8", "loaded-pullup", "35000", "1023"],
-    "row_a_line": ["loaded-pullup", "35000", ""],
+    "row_a_line": ["loaded-pullup", "", ""],  # as boards.md has it
     "json_lines": ["loaded-pullup", "35000", ""],
     "index_value": ["8 8", "loaded-pullup", "35000", ""],
     "status_lines": ["8x8", "loaded-pullup", "35000", ""],

@@ -91,7 +91,9 @@ class Played:
 
     async def ask(self, name):
         self.asked.append(name)
-        return {"answer": name, "success": True, "message": "done"}
+        said = "/**/stop_on_push: {ros__parameters: {debounce: 0.01}}\n"
+        message = said if name == "describe" else "done"
+        return {"answer": name, "success": True, "message": message}
 
 
 @contextlib.contextmanager

@@ -6,6 +6,7 @@ import contextlib
 import json
 import re
 import socket
+from urllib.parse import quote
 
 import numpy as np
 import pytest
@@ -49,7 +50,7 @@ class Source:
         return {"answer": name, "success": True, "message": "done"}
 
 
-def served(scenario, controls=False, names=("",)):
+def served(scenario, controls=False, names=("",), token=""):
     """Run `scenario(source, address)`, a coroutine function, beside the server.
 
     Of skins of other names it is given all sources.
@@ -60,7 +61,7 @@ def served(scenario, controls=False, names=("",)):
         shown = {name: Shown(source, Pictures(read_skin())) for name, source in sources.items()}
         with socket.create_server(("127.0.0.1", 0)) as listening:
             address = f"127.0.0.1:{listening.getsockname()[1]}"
-            serving = asyncio.create_task(serve(listening, shown, ended, controls))
+            serving = asyncio.create_task(serve(listening, shown, ended, controls, "", token))
             try:
                 of = sources[""] if len(names) == 1 else sources
                 await asyncio.wait_for(scenario(of, address), PATIENCE)
@@ -161,6 +162,40 @@ def test_controls_are_off_unless_allowed():
             assert not source.asked and not source.work.state()["task"]
 
     served(scenario)
+
+
+@pytest.mark.parametrize("token", ["", "wrong", "grüße", "right"])
+def test_who_steers_from_another_computer_shows_the_token(token):
+    """And only who does so downloads what was made."""
+
+    async def scenario(source, address):
+        source.work.files["/recording.mcap"] = b"all topics"
+        answer = await get(address, f"/recording.mcap?&{quote(token)}")
+        assert answer.endswith("all topics") is (token == "right")
+        async with open_page(address) as page:
+            await page.recv()
+            await page.send(json.dumps({"ask": "reset", "token": token}))
+            said = json.loads(await page.recv())["said"]
+            assert said["success"] is (token == "right")
+            assert ("it has a token" in said["message"]) is (token != "right")
+            assert source.asked == (["reset"] if token == "right" else [])
+
+    served(scenario, True, token="right")
+
+
+def test_sections_of_the_nodes_begin_the_file_of_a_calibration():
+    async def scenario(source, address):
+        began = []
+        source.work._calibrate = lambda skin, text: began.append(text)
+        async with open_page(address) as page:
+            await page.recv()
+            await page.send(json.dumps({"ask": "calibrate"}))
+            assert json.loads(await page.recv())["said"]["success"]
+            while not began:
+                await asyncio.sleep(0.01)
+        assert source.asked == ["describe"] and began[0].endswith("done")
+
+    served(scenario, True)
 
 
 def test_each_skin_of_a_body_has_its_address():

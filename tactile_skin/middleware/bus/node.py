@@ -76,6 +76,7 @@ class Node:
         self._in_callback = False
         self._remapped = {self._expand(a): self._expand(b) for a, b in reversed(remappings)}
         self.context.node_names.add(self.get_fully_qualified_name())
+        self.context.nodes[self.get_fully_qualified_name()] = self
 
     # names
 

@@ -8,6 +8,7 @@ import threading
 from collections import defaultdict, deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
+from weakref import WeakValueDictionary
 
 from ...errors import TopicTypeError
 from .clock import Clock
@@ -56,6 +57,8 @@ class Context:
 
     def __init__(self, clock=None):
         self.clock = clock or Clock()
+        # full name -> the node that was made last in it, while somebody holds it
+        self.nodes: WeakValueDictionary[str, Node] = WeakValueDictionary()
         self.node_names: set[str] = set()  # full names of the nodes that were made in it
         self._lock = threading.RLock()
         self._topic_type: dict[str, type] = {}

@@ -8,6 +8,7 @@ import functools
 import tempfile
 from pathlib import Path
 
+from ...middleware.plan import parameters_of
 from ...recording import cdr, configuration
 from ...recording.recorder import Limits, Recorder
 
@@ -17,16 +18,15 @@ _CLOSE = 2.0  # s that the disk has for what is left
 
 
 class PageRecording:
-    """All topics of the skin's namespace, as often as they come.
+    """All topics of the skin's namespace, as often as they come, and its nodes' parameters.
 
     Args:
         node: that hears them.
-        parameters: of the skin, name -> value, which the recording keeps.
         space: the skin's namespace within the node's, with a slash; empty: they are one.
     """
 
-    def __init__(self, node, parameters: dict, space: str):
-        self.node, self._parameters = node, parameters
+    def __init__(self, node, space: str):
+        self.node = node
         self._here = node.resolve_topic_name(f"{space}skin/adc").removesuffix("skin/adc")
         self._recorder: Recorder | None = None
         self._heard: set[str] = set()
@@ -53,7 +53,7 @@ class PageRecording:
     def _begin(self) -> tuple[bool, str]:
         if self._recorder is not None:
             return False, "a recording is on already"
-        attached = configuration.attachments({f"{self._here}compensation": self._parameters})
+        attached = configuration.attachments(self.parameters())
         path = Path(tempfile.mkdtemp(prefix="tactile_skin_")) / "recording.mcap"
         try:
             self._recorder = Recorder(path, _LIMITS, attached, self._now)
@@ -64,6 +64,11 @@ class PageRecording:
             if topic.startswith(self._here) or topic == "/diagnostics":
                 self.node.create_listener(kind, topic, functools.partial(self._take, topic))
         return True, "recording; press again to end it"
+
+    def parameters(self) -> dict[str, dict]:
+        """Return the full name of each node of the skin -> {parameter: value}."""
+        nodes = dict(self.node.context.nodes).items()
+        return parameters_of([node for name, node in nodes if name.startswith(self._here)])
 
     def _take(self, topic: str, message) -> None:
         if (recorder := self._recorder) is not None:

@@ -12,10 +12,11 @@ from dataclasses import replace
 from ...errors import LaunchError
 from ...fields import leaves
 from ...middleware.config import adc_of, circuit_of, curve_of, declared, geometry_of
+from ...middleware.written import own_sections
 from ...msg import Trigger
 from ...parameters.nodes import View as Parameters
 from ...parameters.shared import Skin
-from ...view.process import PageProcess, ToPage
+from ...view.process import DESCRIBE, PageProcess, ToPage
 from ...view.snapshot import DIAGNOSTICS, OTHERS, READINGS, STOP, Collector
 from .. import READING, now
 from .page_recording import RECORDS, PageRecording
@@ -29,6 +30,7 @@ _CALLS = {
     "tare": ("compensation/tare",),
     "reset": ("compensation/reset", "stop_on_push/reset"),
     "lend": ("serial_driver/lend",),
+    DESCRIBE: (),
     **dict.fromkeys(RECORDS, ()),
 }
 _OF_BODY: dict[str, tuple[str, ...]] = {"reset": ("body/reset",)}
@@ -128,7 +130,7 @@ class ShownSkin:
         if several and not name:
             readings, others = {}, {topic: OTHERS[topic] for topic in (STOP, DIAGNOSTICS)}
         space = f"{name}/" if name else ""
-        self.recording = PageRecording(node, parameters, space)
+        self.recording = PageRecording(node, space)
         self._collector = Collector()
         self._stop_at = -math.inf  # s, when its stop was heard last
         self._sent = 0.0, 0.0  # stamp of the last snapshot, and when it was sent
@@ -164,8 +166,9 @@ class ShownSkin:
         self._sent = snapshot.stamp, t
         if t - self._stop_at > _UNHEARD:
             snapshot = replace(snapshot, stop=None)
-        age = now(self.node) - snapshot.stamp
-        self.page.show(replace(snapshot, read_at=t - age))
+        if snapshot.stamp:  # else nothing has been read yet
+            snapshot = replace(snapshot, read_at=t - (now(self.node) - snapshot.stamp))
+        self.page.show(snapshot)
 
     def obey(self) -> None:
         """Do what the pages ask for, until their process ends."""
@@ -175,6 +178,8 @@ class ShownSkin:
     def _call(self, name: str) -> tuple[bool, str]:
         if name not in self._clients:
             return False, "controls are off: launch with view_controls:=true"
+        if name == DESCRIBE:
+            return True, own_sections(self.recording.parameters())
         if name in RECORDS:
             return self.recording.ask(name)
         said = []

@@ -107,16 +107,20 @@ def _has_avx2() -> bool:
 
 
 def _load(sources: list[Path]) -> Library | None:
-    """Return what was compiled; None: nothing, or not from `sources`."""
+    """Return what was compiled; None: nothing, not from `sources`, or damaged."""
     for name in ("_loops_avx2", "_loops") if _has_avx2() else ("_loops",):
         spec = find_spec(f"{__package__}.{name}")
         if spec is None or spec.origin is None:
             continue
-        if _is_of(spec.origin, sources):
-            return Library(spec.origin)
+        try:
+            if _is_of(spec.origin, sources):
+                return Library(spec.origin)
+            wrong = "the inner loops were compiled from other sources"
+        except (OSError, ValueError, AttributeError) as error:  # no library, or none of ours
+            wrong = f"the inner loops cannot be loaded ({error})"
         warnings.warn(
-            "tactile_skin: the inner loops were compiled from other sources and are not used, "
-            "which takes up to twice the time: run `pip install -e .` again",
+            f"tactile_skin: {wrong} and are not used, which takes up to twice the time: "
+            "run `pip install -e .` again",
             stacklevel=3,
         )
         break

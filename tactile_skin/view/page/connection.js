@@ -5,6 +5,10 @@ import { unpack } from "./wire.js";
 
 const RETRY = 1000; // ms until a lost connection is tried again
 
+/** What the address behind its # gives who may steer from another computer; kept for this tab. */
+export const token = location.hash.slice(1) || sessionStorage.getItem("token") || "";
+if (token) sessionStorage.setItem("token", token);
+
 export class Connection {
   /**
    * @param listener with hello(hello), snapshot(head, arrays), said(answer), lost(why).
@@ -47,6 +51,6 @@ export class Connection {
   }
 
   ask(ask, text = "") {
-    if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify({ ask, text }));
+    if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify({ ask, text, token }));
   }
 }

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // What is done from the page: recordings, detect, the doctor, the guided calibration.
 
+import { token } from "./connection.js";
+
 const $ = (id) => document.getElementById(id);
 const TITLES = { detect: "detect the board", doctor: "doctor", calibrate: "calibration" };
 const OHM = [10, 1e6]; // of the curve's axis
@@ -45,7 +47,7 @@ export class Work {
     $("record").classList.toggle("sure", state.recording);
     const links = state.files.map((path) => {
       const link = document.createElement("a");
-      [link.href, link.download, link.textContent] = [path + location.search, path.slice(1), `download ${path.slice(1)}`];
+      [link.href, link.download, link.textContent] = [`${path}${location.search || "?"}&${token}`, path.slice(1), `download ${path.slice(1)}`];
       return link;
     });
     $("files").replaceChildren(...links);
