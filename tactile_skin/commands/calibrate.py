@@ -16,7 +16,8 @@ import numpy as np
 
 from ..arguments import split
 from ..calibration.creep import measure_creep
-from ..calibration.curve_fit import MAX_LAG, POOR, FittedCurve, fit_reference
+from ..calibration.curve_fit import POOR, FittedCurve
+from ..calibration.reference import MAX_LAG, fit_reference
 from ..calibration.rest import supposing
 from ..guide.calibrated import write
 from ..guide.calibration import OBJECT, Guide, newtons
