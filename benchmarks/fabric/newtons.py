@@ -30,11 +30,12 @@ from .recordings import FSR, TIPS, VELOSTAT, Press, fsr, joined, velostat
 FULL_SCALE = 40.0  # N
 LEAST = 0.1  # of it, above which samples count
 FIRST, HOLD = 0.3, 0.7  # s since the contact
-ENDS = 0.3  # s of a press whose mean is a load that stands
+ENDS = 0.2  # s of a press whose mean is a load that stands, and so long before it is let go
+HELD = 0.95  # of its largest force, above which it is held
 LOW = 0.7  # of the force, below which it is felt too low
 TRAINED = 3  # series of the FSR, and presses of each
 LEFT = 1.0, 1.2  # s after the release, in which what is left is read
-BEFORE = 0.3  # s before the contact, as the force sensor says it, until which the sensor rests
+BEFORE = 0.5  # s before the contact, as the force sensor says it, until which the sensor rests
 SPREAD = 0.1  # of the usual place, below which a tip lies next to the cell
 
 Felt = Callable[[Press], np.ndarray]
@@ -47,7 +48,8 @@ def at_rest(found: list[Press], circuit: Circuit):
 
 def felt(press: Press, circuit: Circuit, curve: PressureCurve, creep: Creep) -> np.ndarray:
     """(n,) [N] that a running skin finds in a press."""
-    tared = curve.resting_at(1.0 / at_rest([press], circuit).conductance)
+    before = np.median(press.adc[press.since < -BEFORE], axis=0)
+    tared = curve.resting_at(circuit.two_terminal(before))
     force = tared.force(circuit.two_terminal(press.adc))
     if not creep.share:
         return force[:, 0, 0]
@@ -55,10 +57,16 @@ def felt(press: Press, circuit: Circuit, curve: PressureCurve, creep: Creep) -> 
     return np.array([standing.update(t, f)[0, 0] for t, f in zip(press.times, force, strict=True)])
 
 
+def standing(press: Press) -> np.ndarray:
+    """(n,) bool frames of the end of a press, before it is let go."""
+    held = press.times[press.force > HELD * press.force.max()][-1] - ENDS
+    return (press.times > held - ENDS) & (press.times <= held)
+
+
 def methods(found: list[Press], circuit: Circuit) -> tuple[dict[str, Felt], Creep]:
     """Return curves by presses, static and with creep, as functions of another press."""
     rest, stream = at_rest(found, circuit), joined(found)
-    ends = [press.since > np.nanmax(press.since) - ENDS for press in found]
+    ends = [standing(press) for press in found]
     frames = [press.adc[end].mean(0) for press, end in zip(found, ends, strict=True)]
     loads = [press.force[end].mean() for press, end in zip(found, ends, strict=True)]
     static = fit_curve(np.array(frames), np.array(loads), circuit, rest).curve

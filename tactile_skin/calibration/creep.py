@@ -23,6 +23,8 @@ LAID = 5.0  # s that an object has lain there, about, when its weight is known: 
 _DECADES = 6  # of time that are followed: days are no standing load
 _GONE = 0.8  # of what it was, below which a load has gone, or a part of it, and its gain with it
 _RELEASE = 0.2  # s in which that is forgotten; a single frame that drops out does no harm
+_FORGOTTEN = 1.0  # s without a load after which a cell remembers none
+SETTLED = 1.0  # s that a touch takes to come; what it gains later is creep, and no push
 _GAP = 30.0  # s between two frames in which other loads may have come
 _SPAN = 30.0  # s of a standing load at least that tell its creep
 _SETTLES = 0.5  # s in which an object is laid down
@@ -162,45 +164,53 @@ def _check_course(t: np.ndarray, found: np.ndarray, fitted: np.ndarray, share: f
 
 
 class Gained:
-    """What cells conduct by loads that had just come, of any shape (..., rows, cols).
+    """What cells conduct by loads that had just come, by what they conduct now.
 
     A cell's gain is a sum of what remembers its load for a third of `time` to a day. A change of
     the load is seen at once and in full. What a load that goes had gained goes with it.
 
     Args:
-        share, time: of `Creep`, (..., 1, 1) each: several at once.
-        limit: share of what a cell conducts that is taken out at most.
+        share, time: of `Creep`, (..., 1) each: several at once.
+        cells: how many there are.
     """
 
-    def __init__(self, share, time, limit: float = LIMIT):
-        self._limit = limit
+    def __init__(self, share, time, cells: int):
         self._last = -np.inf  # s
         self._slow = np.multiply.outer(10.0 ** (np.arange(_DECADES) - 0.5), time)  # s
         self._weight = share * np.exp(-time / self._slow)
-        self._load = np.zeros(())  # (..., rows, cols) [S] of the last frame
-        self._remembered = np.zeros(())  # (decades, ..., rows, cols) [S]
+        # (decades, ..., cells) [S] that is remembered, and that there was in the last frame
+        self._remembered = np.zeros((*self._slow.shape[:-1], cells))
+        self._load = np.zeros(self._remembered.shape[1:])
+        self.late = np.zeros(0)  # (..., cells) [S] gained by what has stood for `SETTLED`, or longer
 
-    def update(self, t: float, added: np.ndarray) -> np.ndarray:
-        """(..., rows, cols) [S] as it came, of (rows, cols) that cells conduct beyond their rest.
+    def update(self, t: float, added: np.ndarray, cells=slice(None)) -> np.ndarray:
+        """(..., cells) [S] as it came, of (cells,) that they conduct beyond their rest.
 
         Args:
             t: when the frame was read [s]; set back, or after a gap, it begins anew.
             added: in that frame [S].
+            cells: indices of those that are loaded, or have been: `added` has these alone.
         """
         elapsed, self._last = t - self._last, t
-        if 0.0 <= elapsed < _GAP:
-            gone = self._load < _GONE * self._remembered
+        if not 0.0 <= elapsed < _GAP:
+            self.forget(slice(None))
+            elapsed = 0.0
+        remembered, last = self._remembered[..., cells], self._load[..., cells]
+        if elapsed:
+            gone = last < _GONE * remembered
             forgets = np.where(gone, np.minimum(self._slow, _RELEASE), self._slow)
-            forgets = -np.expm1(-elapsed / forgets)
-            self._remembered = self._remembered + forgets * (self._load - self._remembered)
-        else:
-            self._remembered = np.zeros(np.broadcast(self._slow, added).shape)
-        load = added
+            remembered = remembered - np.expm1(-elapsed / forgets) * (last - remembered)
+        load, least = added, (1.0 - LIMIT) * added
         for _ in range(2):  # each leaves a fifth of the error of the one before, or less
-            gained = (self._weight * np.minimum(self._remembered, load)).sum(0)
-            load = np.maximum(added - gained, (1.0 - self._limit) * added)
-        self._load = load
+            gained = self._weight * np.minimum(remembered, load)
+            load = np.maximum(added - gained.sum(0), least)
+        self._remembered[..., cells], self._load[..., cells] = remembered, load
+        self.late = (gained * (self._slow > SETTLED)).sum(0)
         return load
+
+    def forget(self, cells) -> None:
+        """Take cells for untouched."""
+        self._remembered[..., cells] = self._load[..., cells] = 0.0
 
 
 class Standing:
@@ -208,11 +218,17 @@ class Standing:
 
     The force is never raised, and never reduced by more than `LIMIT` of what the cell conducts, nor
     at all at the end of the curve: there it is a lower bound, and the stop must not lose it.
+
+    Attributes:
+        late: (rows, cols) [S] that loads have gained since they had stood for `SETTLED`.
     """
 
     def __init__(self, creep: Creep, curve: PressureCurve):
-        self._curve = curve
-        self._gained = Gained(creep.share, np.full((1, 1), creep.time))
+        self._curve, self._creep = curve, creep
+        self._gained: Gained | None = None
+        self._loaded = np.zeros(0)  # (cells,) [s] when each was loaded last
+        self._at = -np.inf  # s, of the last frame
+        self.late = np.zeros(())
 
     def update(self, t: float, force: np.ndarray) -> np.ndarray:
         """(rows, cols) [N] of a load that had just come.
@@ -221,7 +237,41 @@ class Standing:
             t: when the frame was read [s]; set back, or after a gap, it begins anew.
             force: (rows, cols) that was found in it [N].
         """
-        load = self._gained.update(t, _added(self._curve, force))
+        flat = force.ravel()
+        if self._gained is None or t < self._at:
+            self._gained = Gained(self._creep.share, np.array([self._creep.time]), flat.size)
+            self._loaded, self._at = np.full(flat.size, -np.inf), t
+        last, self._at, loaded = self._at, t, flat > 0.0
+        idle = last - self._loaded > _FORGOTTEN
+        self._gained.forget(loaded & idle)
+        self._loaded[loaded] = t
+        cells = np.flatnonzero(loaded | ~idle)
+        self.late = np.zeros(force.shape)
+        if not cells.size:
+            return force
+        added = _added(self._curve, force)
+        left = added.copy()
+        left.flat[cells] = self._gained.update(t, added.flat[cells], cells)
+        self.late.flat[cells] = self._gained.late
         at_rest = 1.0 / self._curve.points[0][1]
-        least = np.minimum(self._curve.force_at(np.log(load + at_rest)), force)
+        least = np.minimum(self._curve.force_at(np.log(left + at_rest)), force)
         return np.where(force < _END * self._curve.force(np.zeros_like(force)), least, force)
+
+
+def most(force: np.ndarray, felt: np.ndarray, late: np.ndarray, curve: PressureCurve) -> np.ndarray:
+    """(rows, cols) [N] that loads may be at most, for all that is known of creep.
+
+    The force before creep is taken out, but for what a load gains after it has stood for `SETTLED`:
+    a touch never reads low as it comes, and a load that stands for minutes does not grow by creep.
+
+    Args:
+        force: (rows, cols) by the curve "as it comes", before creep is taken out [N].
+        felt: (rows, cols) that `Standing` makes of it [N]: never more than what this returns.
+        late: (rows, cols) `Standing.late` of the same frame [S].
+        curve: the same as `Standing` has.
+    """
+    at_rest = 1.0 / curve.points[0][1]
+    added = np.maximum(_added(curve, force) - late, 0.0)
+    ends = force >= _END * curve.force(np.zeros_like(force))
+    bound = np.where(ends, force, np.minimum(curve.force_at(np.log(added + at_rest)), force))
+    return np.maximum(felt, bound)

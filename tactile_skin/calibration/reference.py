@@ -27,8 +27,10 @@ _FOLLOWS = 0.5  # correlation of its root, which a sum of readings is like, with
 _LIGHTEST = 0.02  # of a reference's largest force, above which the skin is pressed,
 _LIGHT = 0.05  # and frames are used
 _QUIET = 0.1  # of the usual largest reading, below which nothing presses, where rest drifts
+_BLUR = 0.1  # of a force at most that it may change until the reference's next reading
 _SHORTEST = 3.0  # s of it
 _PAUSE = 0.1  # s without a load between two presses
+_GAP = 1.0  # s without a frame, after which it is another press
 _RELEASED = 0.7  # of the largest force within FIRST, below which it is let go: fabric lags then
 _DENSE = 0.03  # s of the first frames of a press that are used, and
 _STEP = 0.07  # of the time since it began, the step between further ones
@@ -82,23 +84,25 @@ def fit_reference(
     if not quiet.any():
         raise ValueError("the skin never rests in these frames: the reference's zero is unknown")
     force -= np.median(force[quiet])
+    blur = np.abs(np.gradient(force, times)) * np.median(np.diff(at)) / 2.0  # N, as it rises
     press = _presses(times, known & (moved > least) & (force > _LIGHTEST * force.max()))
     since, used = np.zeros(len(times)), _sampled(times, force, press)
     for k in np.unique(press)[1:]:
         since[press == k] = times[press == k] - times[press == k][0]
-    loaded = used & (force > _LIGHT * force.max())
+    clear = (force > _LIGHT * force.max()) & (blur < _BLUR * force)
     blocks = np.unique([press, since // _BLOCK], axis=1, return_inverse=True)[1]
-    if (found := len(np.unique(blocks[loaded]))) < FEWEST:
+    if (found := len(np.unique(blocks[used & clear]))) < FEWEST:
         raise ValueError(f"{found} presses: {FEWEST} or more are needed, 30 are good")
     at_rest = supposing(rest, circuit).conductance
     usual = float(np.median(at_rest[circuit.populated]))  # S
     knots = Knots.of(circuit, usual)
     added, doubts = added_conductance(frames[used], circuit, at_rest, usual, knots)
     force, since, press, blocks = force[used], since[used], press[used], blocks[used]
-    shown = (force > _LIGHT * force.max()) & (added.sum((1, 2)) > 0.0)
+    shown = clear[used] & (added.sum((1, 2)) > 0.0)
     chosen = _chosen(since, press, shown)
     creep, words = _creep(added, since, press, chosen, force, blocks, knots)
-    loads = _loads(added, since, press, creep.share, np.full((1, 1), creep.time))[chosen]
+    known = np.array([[creep.share]]), np.array([[creep.time]])
+    loads = _loads(added, since, press, *known)[chosen, 0]
     fitted = explained(
         loads, force[chosen], blocks[chosen], circuit, usual, doubts, since[chosen]
     )
@@ -108,11 +112,11 @@ def fit_reference(
 
 def _presses(times: np.ndarray, on: np.ndarray) -> np.ndarray:
     """(n,) number of the press that each frame belongs to, from 1; 0: none."""
-    number, last = np.zeros(len(times), int), -np.inf
-    count = 0
+    number, last, count = np.zeros(len(times), int), -1, 0
     for k in np.flatnonzero(on):
-        count += times[k] - last > _PAUSE
-        number[k], last = count, times[k]
+        gap = times[k] - times[last] if last >= 0 else np.inf
+        count += gap > (_PAUSE if k > last + 1 else _GAP)
+        number[k], last = count, k
     return number
 
 
@@ -147,11 +151,11 @@ def _chosen(since: np.ndarray, press: np.ndarray, shown: np.ndarray) -> np.ndarr
 
 
 def _loads(added, since, press, share, time) -> np.ndarray:
-    """(n, ..., rows, cols) [S] of loads as they came, by creep of any (...) shares and times."""
-    gained = Gained(share, time)
-    return np.array(
-        [gained.update(t, now) for t, now in zip(since + _APART * _count(press), added, strict=True)]
-    )
+    """(n, tried, rows, cols) [S] of loads as they came, by (tried, 1) shares and times of creep."""
+    gained, flat = Gained(share, time, added[0].size), added.reshape(len(added), -1)
+    t = since + _APART * _count(press)
+    loads = [gained.update(at, now) for at, now in zip(t, flat, strict=True)]
+    return np.array(loads).reshape(len(added), -1, *added.shape[1:])
 
 
 def _count(press: np.ndarray) -> np.ndarray:
@@ -160,7 +164,7 @@ def _count(press: np.ndarray) -> np.ndarray:
 
 def _creep(added, since, press, chosen, force, blocks, knots: Knots) -> tuple[Creep, str]:
     """Return what predicts presses best that are left out; words with the evidence."""
-    share, time = (grid.reshape(-1, 1, 1) for grid in np.meshgrid((0.0, *_SHARES), _TIMES))
+    share, time = (grid.reshape(-1, 1) for grid in np.meshgrid((0.0, *_SHARES), _TIMES))
     loads = _loads(added, since, press, share, time)[chosen]
     off = np.array([_off(knots.ramps(loads[:, k]), force[chosen], blocks[chosen]) for k in range(len(share))])
     names = np.unique(blocks[chosen])
@@ -169,14 +173,14 @@ def _creep(added, since, press, chosen, force, blocks, knots: Knots) -> tuple[Cr
     gains = by_press[:, 0] - by_press[:, best]
     error = gains.std(ddof=1) / len(names) ** 0.5
     first, last = np.median(off[0]), np.median(off[best])
-    if share[best] == 0.0 or gains.mean() <= _SURE * error:
+    if share[best, 0] == 0.0 or gains.mean() <= _SURE * error:
         return Creep(), (
             f"creep does not help: presses left out are off by {first:.0%} without it, by "
             f"{np.median(off[1:], axis=1).min():.0%} with it: curve.creep is 0"
         )
     alike = (by_press - by_press[:, [best]]).std(0, ddof=1) / len(names) ** 0.5
     alike = by_press.mean(0) - by_press.mean(0)[best] <= alike
-    found = Creep(float(share[best, 0, 0]), float(time[best, 0, 0]), float(share[alike].std()))
+    found = Creep(float(share[best, 0]), float(time[best, 0]), float(share[alike].std()))
     return found, (
         f"a load gains {found.share:.0%} in a decade of time, from {found.time:g} s on: with that "
         f"presses left out are off by {last:.0%}, without it by {first:.0%}"

@@ -208,6 +208,8 @@ def from_files(skin: SkinConfig, files: dict, loads: list[tuple[str, str]]) -> G
             at, times = at - at[0], times - times[0]
         fitted, late = fit_reference(frames, times, force, at, guide.circuit, guide.rest)
         guide.fitted = fitted
+        if fitted.creep.share:
+            guide.creep = fitted.creep
         print(f"  {files['reference']} is {late:+.2f} s late; {fitted.message}")
     if "creep" in files:
         frames, times = source.stream(files["creep"])

@@ -245,7 +245,7 @@ totals_of_ramps = st.lists(
 def test_whatever_the_totals_the_curve_rises(ramps, weights):
     """Contradictory ones too: the solver's bound keeps each slope above 0."""
     ramps, weights = np.array(ramps), np.array(weights)[: len(ramps)]
-    knots = curve_fit._Knots(np.append(0.0, 1e-4 * 2.0 ** np.arange(8)))
+    knots = curve_fit.Knots(np.append(0.0, 1e-4 * 2.0 ** np.arange(8)))
     fit = Totals.of(ramps[:, None, None], weights).explained()
     assert (fit.gain > 0.0).all()
     force, resistance = np.array(knots.curve(fit.slope, 1.0 / 40000.0).points).T
@@ -307,7 +307,7 @@ def test_a_scale_in_place_of_weights(streamed):
         (lambda f, t, r, at: (f, t[::-1], r, at), "times have shape"),
         (lambda f, t, r, at: (f, t, r[:-1], at), "reference_times have shape"),
         (lambda f, t, r, at: (f[:60], t[:60], r, at), "less than 3 s"),
-        (lambda f, t, r, at: (f[:140], t[:140], r, at), "touches stand"),
+        (lambda f, t, r, at: (f[:140], t[:140], r, at), "presses: 3"),
     ],
 )
 def test_a_reference_that_is_none_is_told(streamed, change, why):
