@@ -48,7 +48,7 @@ LIMIT = 1.5  # times what was promised
 
 
 class Board(Unknown):
-    """One that nobody here made; its fabric is as alive as real ones, and some of its cells are noisy."""
+    """One that nobody here made; its fabric does what real ones do, some cells are noisy."""
 
     def __init__(self, seed: int):
         rng = np.random.default_rng([seed, 6])

@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from tactile_skin import Circuit, Creep, PressureCurve, fit_curve, fit_reference, measure_rest
-from tactile_skin.calibration.creep import Standing, as_it_comes
+from tactile_skin.calibration.creep import Standing
 
 from .. import harness
 from .recordings import FSR, TIPS, VELOSTAT, Press, fsr, joined, velostat
@@ -43,7 +43,9 @@ Felt = Callable[[Press], np.ndarray]
 
 def at_rest(found: list[Press], circuit: Circuit):
     """Return the rest of the sensor, before each press."""
-    return measure_rest(np.concatenate([press.adc[press.since < -BEFORE] for press in found]), circuit)
+    return measure_rest(
+        np.concatenate([press.adc[press.since < -BEFORE] for press in found]), circuit
+    )
 
 
 def felt(press: Press, circuit: Circuit, curve: PressureCurve, creep: Creep) -> np.ndarray:
@@ -146,7 +148,10 @@ def of_fsr(folder: Path) -> dict:
             gain = np.median(first[:, 1] / first[:, 2])
             rest = [scored(press, one) * [1.0, 1.0, gain, 1.0] for press in presses[1:]]
             tables.setdefault(f"{name}, one gain press", []).extend(rest)
-    return {name: row(of, max(p.force.max() for of in series for p in of)) for name, of in tables.items()}
+    return {
+        name: row(of, max(p.force.max() for of in series for p in of))
+        for name, of in tables.items()
+    }
 
 
 def main(arguments=None) -> dict:

@@ -80,7 +80,7 @@ def presses(times, ohm, at, force, circuit: Circuit) -> list[Press]:
     found = []
     for k, (first, last) in enumerate(zip(begin, end, strict=True)):
         until = begin[k + 1] if k + 1 < len(begin) else np.inf
-        kept = (times > max(first - _BEFORE, end[k - 1] if k else -np.inf))
+        kept = times > max(first - _BEFORE, end[k - 1] if k else -np.inf)
         kept &= times < min(last + _AFTER, until)
         since = np.where(times <= last, times - first, np.nan)
         if np.max(force[kept]) > 2.0 * _TOUCHES:

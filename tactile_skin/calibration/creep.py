@@ -181,7 +181,9 @@ class Gained:
         # (decades, ..., cells) [S] that is remembered, and that there was in the last frame
         self._remembered = np.zeros((*self._slow.shape[:-1], cells))
         self._load = np.zeros(self._remembered.shape[1:])
-        self.late = np.zeros(0)  # (..., cells) [S] gained by what has stood for `SETTLED`, or longer
+        self.late = np.zeros(
+            0
+        )  # (..., cells) [S] gained by what has stood for `SETTLED`, or longer
 
     def update(self, t: float, added: np.ndarray, cells=slice(None)) -> np.ndarray:
         """(..., cells) [S] as it came, of (cells,) that they conduct beyond their rest.

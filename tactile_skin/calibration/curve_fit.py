@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..physics.circuit import Circuit
-from ..physics.creep import Creep
+from ..physics.creep import NO_CREEP, Creep
 from ..physics.curve import PressureCurve
 from ..solvers import compensate
 from ..solvers.evidence import HARDEST
@@ -27,11 +27,13 @@ _ODD = 1.3  # factor by which the others say another weight of an odd object,
 _ODD_STD = 4.0  # and standard deviations that they have
 _CANDIDATES = 3  # for the odd ones, the worst, that are tried
 _ODD_SHARE = 1.0 / 3.0  # of the objects at most can be odd
-# RMS error of a total on boards that scatter, creep and bend their curve, and standard deviation of
-# its logarithm from one such board to the next (benchmarks.calibration.curve_fit, seeds 2200 to
-# 2269).
-_USUAL_ERROR = 0.026
-_USUAL_SPREAD = 0.15
+# What objects that lie cannot show, and what limits allow for (docs/calibrate.md)
+_LOW_AT_FIRST = 0.25
+_FACTOR = 1.5
+# RMS error of a total, and standard deviation of its logarithm from one skin to the next: 0.026 on
+# simulated boards (benchmarks.calibration.curve_fit, seeds 2200 to 2269), 0.08 to 0.15 on real.
+_USUAL_ERROR = 0.05
+_USUAL_SPREAD = 0.5
 _ERRORS = np.geomspace(0.005, 1.0, 500)  # that are tried: better than any skin, and useless
 _NARROW = 2.0  # largest over smallest weight up to which the shape is hardly told
 FIRST = 0.3  # s of a touch in which a stop needs its force
@@ -76,7 +78,7 @@ class FittedCurve:
     odd: tuple[int, ...]
     unexplained: int
     message: str
-    creep: Creep = Creep()
+    creep: Creep = NO_CREEP
 
 
 def fit_curve(frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
@@ -146,9 +148,14 @@ def explained(
     hardest = float(knots.ramps(added[used].max()) @ fit.slope)  # N
     kept = weights[used]
     message = [
-        f"{len(np.unique(kept))} weights from {kept.min():.3g} to {kept.max():.3g} N: the total "
-        f"of a new object will be off by {error:.1%} (RMS) in this range, by several times that "
-        f"below it; cells were loaded up to {hardest:.2g} N, beyond that the curve is a guess",
+        f"{len(np.unique(kept))} weights from {kept.min():.3g} to {kept.max():.3g} N: of new loads "
+        f"in this range that stand {holds or first}, of lighter ones by several times that "
+        f"({error:.1%} RMS); cells were loaded up to {hardest:.2g} N, beyond that the curve "
+        "is a guess",
+        f"in the first {FIRST:g} s of a touch {first}"
+        if first
+        else f"in the first {FIRST:g} s a touch may read {_LOW_AT_FIRST:.0%} low: a scale shows it",
+        f"thresholds in newtons: allow for a factor of {_FACTOR:g}",
         f"the cells' gains are {gain.min():.2f} to {gain.max():.2f}, as far as the weights tell "
         f"them: with all of them 1 it would be {without:.1%}",
     ]

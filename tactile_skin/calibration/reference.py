@@ -103,9 +103,7 @@ def fit_reference(
     creep, words = _creep(added, since, press, chosen, force, blocks, knots)
     known = np.array([[creep.share]]), np.array([[creep.time]])
     loads = _loads(added, since, press, *known)[chosen, 0]
-    fitted = explained(
-        loads, force[chosen], blocks[chosen], circuit, usual, doubts, since[chosen]
-    )
+    fitted = explained(loads, force[chosen], blocks[chosen], circuit, usual, doubts, since[chosen])
     message = f"{words}; {fitted.message}"
     return replace(fitted, creep=creep, message=message), late
 
@@ -135,7 +133,7 @@ def _sampled(times: np.ndarray, force: np.ndarray, press: np.ndarray) -> np.ndar
 
 
 def _chosen(since: np.ndarray, press: np.ndarray, shown: np.ndarray) -> np.ndarray:
-    """Indices of the samples that determine a curve: as many of first moments as of holds."""
+    """Return indices of samples that determine a curve: as many of first moments as of holds."""
     taken: list[int] = []
     presses = np.unique(press[shown])
     each = max(1, min(_EACH, _MOST // (2 * len(presses))))
@@ -144,7 +142,8 @@ def _chosen(since: np.ndarray, press: np.ndarray, shown: np.ndarray) -> np.ndarr
         t, end = since[mine], since[mine[-1]]
         stands = max(each, min(int(end), _MOST // len(presses)))
         goals = np.r_[
-            FIRST * (np.arange(each) + 1.0) / each, np.linspace(FIRST, max(end, FIRST), stands + 1)[1:]
+            FIRST * (np.arange(each) + 1.0) / each,
+            np.linspace(FIRST, max(end, FIRST), stands + 1)[1:],
         ]
         taken += mine[np.abs(t[:, None] - goals).argmin(0)].tolist()
     return np.unique(taken)
@@ -166,7 +165,9 @@ def _creep(added, since, press, chosen, force, blocks, knots: Knots) -> tuple[Cr
     """Return what predicts presses best that are left out; words with the evidence."""
     share, time = (grid.reshape(-1, 1) for grid in np.meshgrid((0.0, *_SHARES), _TIMES))
     loads = _loads(added, since, press, share, time)[chosen]
-    off = np.array([_off(knots.ramps(loads[:, k]), force[chosen], blocks[chosen]) for k in range(len(share))])
+    off = np.array(
+        [_off(knots.ramps(loads[:, k]), force[chosen], blocks[chosen]) for k in range(len(share))]
+    )
     names = np.unique(blocks[chosen])
     by_press = np.array([off[:, blocks[chosen] == k].mean(1) for k in names])  # (presses, tried)
     best = int(by_press.mean(0).argmin())
@@ -216,5 +217,3 @@ def _lag(times, rise, at, reference) -> float:
     before, here, after = found[best - 1 : best + 2]
     turn = before - 2.0 * here + after  # the top of a parabola
     return float(lags[best] + _LAG_STEP * 0.5 * (before - after) / min(turn, -1e-12))
-
-

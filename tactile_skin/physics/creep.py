@@ -31,3 +31,6 @@ class Creep:
     def gain(self, t: float | Floats) -> Floats:
         """Return times what a load adds as it comes that it adds after t [s]."""
         return 1.0 + self.share * np.log10(1.0 + np.asarray(t) / self.time)
+
+
+NO_CREEP = Creep()

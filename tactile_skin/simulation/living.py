@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How a fabric differs from one press, and one day, to the next: more than any solver knows.
 
-Sizes are those of public recordings of Velostat, FSRs and foam under force sensors: docs/calibrate.md.
+Sizes are those of public recordings of Velostat, FSRs and foam (docs/calibrate.md).
 """
 
 from __future__ import annotations
