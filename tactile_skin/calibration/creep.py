@@ -36,6 +36,10 @@ _TIMES = np.geomspace(LEAST_TIME, 10.0, 26)  # s that are tried as `Creep.time`
 _JUMP = 0.05
 _STRAY = 8.0
 _FALLS = 0.02  # in a decade of time, more than what a bottle that cools or drifts may do
+_PRESS = 3.0  # s that a thing stands at least to count as a press,
+_PRESSES = 3  # of which there must be so many
+_USUAL_TIME = 0.1  # s after which it begins: Velostat under a robot 0.03 to 0.1 s
+_NOT_TOLD = 0.1  # standard deviation of a share by presses that contradict one another
 _SPREAD = 0.5  # standard deviation of its log10, about the usual one
 
 
@@ -75,6 +79,51 @@ def measure_creep(
     frames, t = _standing(frames, check_times("times", times, len(frames)), circuit, rest)
     means, t = _means(frames, t)
     return _fit(t, _conductance(means, circuit, rest, curve or PressureCurve()))
+
+
+def creep_of_presses(
+    frames, times, circuit: Circuit, rest: Rest, curve: PressureCurve | None = None
+) -> Creep:
+    """How much loads gain with time, by things that are laid on, stay for five seconds, and go.
+
+    Five presses tell the share; when it begins stays the usual one, since none is known by its
+    force as it comes: `fit_reference` finds that, too.
+
+    Args:
+        frames, times, circuit, rest, curve: as for `measure_creep`; the things weigh what they do,
+            a hand does not.
+
+    Raises:
+        ValueError: fewer than 3 that stand for 3 s, or that contradict one another by 0.1 a decade.
+    """
+    frames = rest.quiet(check_frames(frames, circuit))
+    times = check_times("times", times, len(frames))
+    rise = np.nansum(np.maximum(frames - rest.adc, 0.0), axis=(1, 2))
+    on = rise > (1.0 - _STOOD) * np.quantile(rise, 0.9)
+    edges = np.flatnonzero(np.diff(np.r_[False, on, False].astype(int)))
+    shares = []
+    for first, end in zip(edges[::2], edges[1::2], strict=True):
+        t = times[first:end] - times[first]
+        kept = (t > _SETTLES) & (t < t[-1] - _SETTLES)
+        if t[-1] < _PRESS:
+            continue
+        means, at = _means(frames[first:end][kept], t[kept])
+        total = _conductance(means, circuit, rest, curve or PressureCurve()).sum(1)
+        decades = np.stack([np.ones(at.size), np.log10(1.0 + at / _USUAL_TIME)], 1)
+        (level, slope), *_ = np.linalg.lstsq(decades, total, rcond=None)
+        shares.append(slope / level)
+    if len(shares) < _PRESSES:
+        raise ValueError(
+            f"{len(shares)} things stood for {_PRESS:g} s: {_PRESSES} or more are needed, 5 are "
+            "good: lay one on within a second, leave it for five, take it off"
+        )
+    share, std = float(np.median(shares)), float(np.std(shares, ddof=1) / len(shares) ** 0.5)
+    if not std < _NOT_TOLD or share < -_FALLS:
+        raise ValueError(
+            f"the presses do not show creep: shares of {min(shares):.0%} to {max(shares):.0%} in a "
+            "decade of time. Were they pressed by hand, in place of a thing that lies?"
+        )
+    return Creep(float(np.clip(share, 0.0, MAX_SHARE)), _USUAL_TIME, std)
 
 
 def _standing(frames, times, circuit: Circuit, rest: Rest) -> tuple[np.ndarray, np.ndarray]:
@@ -142,8 +191,8 @@ def _fit(t: np.ndarray, conducts: np.ndarray) -> Creep:
     by_cell = np.square(slope - best * first).sum() / first.sum() ** 2
     std = float(np.sqrt(by_noise + by_cell * first.size / max(first.size - 1, 1)))
     _check_course(t, total / first.sum(), decades @ (1.0, best), best)
-    share = min(max(best, 0.0), MAX_SHARE)
-    return Creep(share, float(10.0 ** (weight @ np.log10(_TIMES))), std)
+    taken = float(np.clip(best, 0.0, MAX_SHARE))
+    return Creep(taken, float(10.0 ** (weight @ np.log10(_TIMES))), std)
 
 
 def _check_course(t: np.ndarray, found: np.ndarray, fitted: np.ndarray, share: float) -> None:

@@ -113,8 +113,8 @@ def _presses(times: np.ndarray, on: np.ndarray) -> np.ndarray:
     number, last, count = np.zeros(len(times), int), -1, 0
     for k in np.flatnonzero(on):
         gap = times[k] - times[last] if last >= 0 else np.inf
-        count += gap > (_PAUSE if k > last + 1 else _GAP)
-        number[k], last = count, k
+        count += int(gap > (_PAUSE if k > last + 1 else _GAP))
+        number[k], last = count, int(k)
     return number
 
 

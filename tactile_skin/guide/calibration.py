@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..calibration.creep import measure_creep
+from ..calibration.creep import creep_of_presses, measure_creep
 from ..calibration.curve_fit import FittedCurve, fit_curve
 from ..calibration.identify import Identified, identify
 from ..calibration.rest import Rest, measure_rest, supposing
@@ -26,6 +26,7 @@ from ..solvers import compensate
 
 REST = 3.0  # s that the skin rests
 OBJECT = 1.0  # s for which an object stands
+PRESSES = 60.0  # s in which five things are laid on and taken off for it
 STANDS = 120.0  # s for which it stands to tell how much it gains
 _LOOK = 0.25  # s of which each frame of it is the mean
 _TELL = 10.0  # s after which a word is said
@@ -89,7 +90,7 @@ class Guide:
         return self.found.circuit if self.found else self._supposed
 
     def run(self) -> None:
-        steps, step = (self.measure_rest, self._press, self.fit_curve), 0
+        steps, step = (self.measure_rest, self._press, self.fit_curve, self.find_creep), 0
         while step < len(steps):
             step += 1 if steps[step]() else -1
 
@@ -107,6 +108,27 @@ class Guide:
         """What the configuration did not say."""
         names = [name for name, told in self.found.told.items() if told] if self.found else []
         return names + ["curve"] * bool(self.fitted) + ["creep"] * bool(self.creep)
+
+    def find_creep(self) -> bool:
+        """Find creep by five presses, if somebody wants to; False: a step back is asked for."""
+        word = self._ask(
+            "Creep, if you like: within a minute lay one of the things on five times: down in a "
+            "second, five\n  seconds there, off. p: begin; b: back; Enter: end without it: "
+        )
+        if word.strip() != "p" or not self.fitted:
+            return word.strip() not in _BACK
+        frames = self._frames(PRESSES)
+        times = np.arange(len(frames)) * PRESSES / max(len(frames), 1)
+        rest = supposing(self.rest, self.circuit)
+        try:
+            self.creep = creep_of_presses(frames, times, self.circuit, rest, self.fitted.curve)
+        except ValueError as error:
+            self._say(f"  {error}")
+            return True
+        self._say(
+            f"  A load gains {self.creep.share:.0%} +- {self.creep.std:.0%} in a decade of time."
+        )
+        return True
 
     def measure_creep(self, curve: PressureCurve) -> None:
         """Two steps of their own, for a skin whose curve is known."""

@@ -8,7 +8,7 @@ from support.lab.unknown import Creeping
 from support.weights import known, objects
 
 from tactile_skin import Creep, PressureCurve, measure_creep, measure_rest
-from tactile_skin.calibration.creep import LIMIT, Standing, as_it_comes, most
+from tactile_skin.calibration.creep import LIMIT, Standing, as_it_comes, creep_of_presses, most
 
 CURVE, CREEP = PressureCurve(), Creep(0.05, 1.0)
 SHAPE = 8, 8
@@ -229,3 +229,29 @@ def test_a_second_after_its_release_a_hard_touch_is_nothing():
     assert (standing.update(60.02, np.full((2, 2), 0.01)) <= 0.01).all()
     assert (standing.update(61.0, np.zeros((2, 2))) == 0.0).all()
     assert standing.update(62.1, np.full((2, 2), 2.0)) == pytest.approx(2.0, rel=0.01)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.35])
+def test_five_presses_show_the_share(record, share):
+    """Down at once, five seconds there, off for three."""
+    _, _, circuit, rest = record
+    skin = Creeping(SHAPE, 41, share=share, time=0.1)
+    force = objects(1, SHAPE, np.random.default_rng(41))[0][0]
+    times = np.arange(0.0, 42.0, 0.1)
+    frames = skin.standing(times, force, (times % 8.0 > 3.0) * 1.0)
+    creep = creep_of_presses(frames, times, circuit, rest, CURVE)
+    assert creep.share == pytest.approx(share, abs=0.03)
+
+
+def test_presses_of_a_hand_show_no_creep(record):
+    _, _, circuit, rest = record
+    skin = Creeping(SHAPE, 41, share=0.1, time=0.1)
+    force = objects(1, SHAPE, np.random.default_rng(41))[0][0]
+    times = np.arange(0.0, 42.0, 0.1)
+    rate = np.array([0.6, -0.15, 0.1, -0.1, 0.5, 0.0])[(times // 8.0).astype(int)]
+    course = (times % 8.0 > 3.0) * (1.0 + rate * (times % 8.0 - 3.0))
+    frames = skin.standing(times, force, course)
+    with pytest.raises(ValueError, match="do not show creep"):
+        creep_of_presses(frames, times, circuit, rest, CURVE)
+    with pytest.raises(ValueError, match="1 things stood"):
+        creep_of_presses(frames[:80], times[:80], circuit, rest, CURVE)
