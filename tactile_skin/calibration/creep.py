@@ -86,7 +86,7 @@ def creep_of_presses(
 ) -> Creep:
     """How much loads gain with time, by things that are laid on, stay for five seconds, and go.
 
-    Five presses tell the share; when it begins stays the usual one, since none is known by its
+    Five presses show the share; when it begins stays the usual one, since none is known by its
     force as it comes: `fit_reference` finds that, too.
 
     Args:
