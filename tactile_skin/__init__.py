@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from .calibration.creep import measure_creep
-    from .calibration.curve_fit import FittedCurve, fit_curve, fit_reference
+    from .calibration.curve_fit import FittedCurve, fit_curve
     from .calibration.identify import Identified, identify
+    from .calibration.reference import fit_reference
     from .calibration.rest import Rest, measure_rest
     from .findings.finding import Finding
     from .health.doctor import diagnose
@@ -30,10 +31,11 @@ if TYPE_CHECKING:
 
 _HOME = {
     "calibration.creep": ("measure_creep",),
-    "calibration.curve_fit": ("FittedCurve", "fit_curve", "fit_reference"),
+    "calibration.curve_fit": ("FittedCurve", "fit_curve"),
     "findings.finding": ("Finding",),
     "health.doctor": ("diagnose",),
     "calibration.identify": ("Identified", "identify"),
+    "calibration.reference": ("fit_reference",),
     "calibration.rest": ("Rest", "measure_rest"),
     "opened": ("open",),
     "physics.adc": ("Adc",),

@@ -2,7 +2,8 @@
 """Newtons of a running skin over what `calibrate` promised, on unknown boards.
 
 Boards of 8 x 8 to 16 x 16 cells: r_ref of 1.78 to 10 kohm, so that hard touches read near the end
-of the converter; r_par of 200 to 500 ohm, configured as 326; stripes, scatter, creep, up to 12
+of the converter; r_par of 200 to 500 ohm, configured as 326; stripes, scatter, all that a
+fabric does in time (`simulation/living.py`), up to 12
 noisy cells. The guide of `calibrate` is led by a script, and its file is written. The compensation
 node
 runs with that file on a driven clock: 3 s of rest, 30 touches, then new objects of 3 to 50 N. With
@@ -26,8 +27,8 @@ from tactile_skin.middleware.bus import Context, ManualClock, Node
 from tactile_skin.middleware.config import read_skin
 from tactile_skin.middleware.parameter_file import ParameterFile
 from tactile_skin.nodes.compensation import Compensation
-from tactile_skin.physics.creep import Creep
 from tactile_skin.physics.curve import GRAM
+from tactile_skin.simulation.living import Habits, Living
 
 from .. import harness
 
@@ -37,7 +38,8 @@ R_PAR = 200.0, 500.0  # ohm
 SCATTER = 0.05, 0.15
 NOISY, LOUD = 12, (3.0, 12.0)  # cells, and times the usual noise that they have
 SCANS = 4  # that a frame is the mean of
-CREEP, STOOD = (0.03, 0.06), (0.5, 10.0)  # share in a decade; s that an object has stood
+STOOD = 0.5, 10.0  # s that an object has stood
+COMES, PAUSED = 0.2, 3.0  # s in which it comes, in steps, and between two
 TOUCHES, NEW = 30, 15
 LIGHT = 0.03  # times the force of a usual touch
 RATE = 25.0  # frames a second
@@ -46,7 +48,7 @@ LIMIT = 1.5  # times what was promised
 
 
 class Board(Unknown):
-    """One that nobody here made; its touches creep and some of its cells are noisy."""
+    """One that nobody here made; its fabric does what real ones do, some cells are noisy."""
 
     def __init__(self, seed: int):
         rng = np.random.default_rng([seed, 6])
@@ -55,7 +57,7 @@ class Board(Unknown):
         self.supposed = replace(self.supposed, r_ref=rng.choice(R_REF))
         self.r_par = rng.uniform(*R_PAR)
         self.matrix.circuit = replace(self.supposed, r_par=self.r_par)
-        self.creep = Creep(rng.uniform(*CREEP))
+        self.living, self._t = Living(Habits.real(rng), shape, rng), 0.0
         most = min(NOISY, max(3, shape[0] * shape[1] // 20))
         self._loud = np.ones(shape)
         noisy = rng.choice(self._loud.size, rng.integers(most + 1), replace=False)
@@ -65,8 +67,12 @@ class Board(Unknown):
     def load(self, force) -> None:
         """(rows, cols) [N] from now on."""
         stood = np.exp(self._stood.uniform(*np.log(STOOD)))
-        crept = np.where(force > 0.0, self.creep.gain(stood), 1.0)
-        self.ratio = self.expose(force, crept)
+        self._t += PAUSED
+        for share in (0.0, 0.3, 0.6, 1.0):
+            self._t += COMES / 4.0
+            self.living.factor(self._t, share * force, self.matrix.fabric)
+        self._t += stood
+        self.ratio = self.expose(force, self.living.factor(self._t, force, self.matrix.fabric))
 
     def read(self, n: int) -> np.ndarray:
         """(n, rows, cols) ADC ratio."""

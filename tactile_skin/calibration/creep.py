@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Creep: a fabric conducts more and more under a load that stands (docs/derivation.md).
 
-What a load adds to a cell's conductance grows by a share in each decade of time, by 4 to 10 % on
-piezoresistive fabrics. The share is measured with one object that stands for two minutes, and what
-a load has gained up to now is taken out of each frame.
+What a load adds to a cell's conductance grows by a share in each decade of time, by 10 to 46 % on
+Velostat, from 0.03 s on. The share is measured with one object that stands for two minutes, or by
+presses on a scale (reference.py), and what a load has gained up to now is taken out of each frame.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..physics.circuit import Circuit
-from ..physics.creep import MAX_SHARE, Creep
+from ..physics.creep import LEAST_TIME, MAX_SHARE, Creep
 from ..physics.curve import PressureCurve
 from ..solvers import compensate
 from ..solvers.evidence import MODEL
@@ -23,13 +23,23 @@ LAID = 5.0  # s that an object has lain there, about, when its weight is known: 
 _DECADES = 6  # of time that are followed: days are no standing load
 _GONE = 0.8  # of what it was, below which a load has gone, or a part of it, and its gain with it
 _RELEASE = 0.2  # s in which that is forgotten; a single frame that drops out does no harm
+_FORGOTTEN = 1.0  # s without a load after which a cell remembers none
+SETTLED = 1.0  # s that a touch takes to come; what it gains later is creep, and no push
 _GAP = 30.0  # s between two frames in which other loads may have come
 _SPAN = 30.0  # s of a standing load at least that tell its creep
 _SETTLES = 0.5  # s in which an object is laid down
 _STEPS = 20  # frames a decade of time, means of those that were read
 _LOADED = 0.1  # of the most loaded cell, from which on a cell is used
 _STOOD = 0.7  # of the usual reading, above which the object is there
-_TIMES = 10.0 ** np.arange(-1.0, 1.01, 0.1)  # s that are tried as `Creep.time`
+_TIMES = np.geomspace(LEAST_TIME, 10.0, 26)  # s that are tried as `Creep.time`
+# What stands may change from one mean to the next, of what it added first, and times the usual step
+_JUMP = 0.05
+_STRAY = 8.0
+_FALLS = 0.02  # in a decade of time, more than what a bottle that cools or drifts may do
+_PRESS = 3.0  # s that a thing stands at least to count as a press,
+_PRESSES = 3  # of which there must be so many
+_USUAL_TIME = 0.1  # s after which it begins: Velostat under a robot 0.03 to 0.1 s
+_NOT_TOLD = 0.1  # standard deviation of a share by presses that contradict one another
 _SPREAD = 0.5  # standard deviation of its log10, about the usual one
 
 
@@ -63,12 +73,57 @@ def measure_creep(
 
     Raises:
         ValueError: shapes that differ, times that do not rise, no object, less than 30 s of it,
-            one that was moved or taken off, or a gain that no fabric has.
+            one that was moved or taken off, or what it adds falls or jumps.
     """
     frames = rest.quiet(check_frames(frames, circuit))
     frames, t = _standing(frames, check_times("times", times, len(frames)), circuit, rest)
     means, t = _means(frames, t)
     return _fit(t, _conductance(means, circuit, rest, curve or PressureCurve()))
+
+
+def creep_of_presses(
+    frames, times, circuit: Circuit, rest: Rest, curve: PressureCurve | None = None
+) -> Creep:
+    """How much loads gain with time, by things that are laid on, stay for five seconds, and go.
+
+    Five presses show the share; when it begins stays the usual one, since none is known by its
+    force as it comes: `fit_reference` finds that, too.
+
+    Args:
+        frames, times, circuit, rest, curve: as for `measure_creep`; the things weigh what they do,
+            a hand does not.
+
+    Raises:
+        ValueError: fewer than 3 that stand for 3 s, or that contradict one another by 0.1 a decade.
+    """
+    frames = rest.quiet(check_frames(frames, circuit))
+    times = check_times("times", times, len(frames))
+    rise = np.nansum(np.maximum(frames - rest.adc, 0.0), axis=(1, 2))
+    on = rise > (1.0 - _STOOD) * np.quantile(rise, 0.9)
+    edges = np.flatnonzero(np.diff(np.r_[False, on, False].astype(int)))
+    shares = []
+    for first, end in zip(edges[::2], edges[1::2], strict=True):
+        t = times[first:end] - times[first]
+        kept = (t > _SETTLES) & (t < t[-1] - _SETTLES)
+        if t[-1] < _PRESS:
+            continue
+        means, at = _means(frames[first:end][kept], t[kept])
+        total = _conductance(means, circuit, rest, curve or PressureCurve()).sum(1)
+        decades = np.stack([np.ones(at.size), np.log10(1.0 + at / _USUAL_TIME)], 1)
+        (level, slope), *_ = np.linalg.lstsq(decades, total, rcond=None)
+        shares.append(slope / level)
+    if len(shares) < _PRESSES:
+        raise ValueError(
+            f"{len(shares)} things stood for {_PRESS:g} s: {_PRESSES} or more are needed, 5 are "
+            "good: lay one on within a second, leave it for five, take it off"
+        )
+    share, std = float(np.median(shares)), float(np.std(shares, ddof=1) / len(shares) ** 0.5)
+    if not std < _NOT_TOLD or share < -_FALLS:
+        raise ValueError(
+            f"the presses do not show creep: shares of {min(shares):.0%} to {max(shares):.0%} in a "
+            "decade of time. Were they pressed by hand, in place of a thing that lies?"
+        )
+    return Creep(float(np.clip(share, 0.0, MAX_SHARE)), _USUAL_TIME, std)
 
 
 def _standing(frames, times, circuit: Circuit, rest: Rest) -> tuple[np.ndarray, np.ndarray]:
@@ -135,31 +190,96 @@ def _fit(t: np.ndarray, conducts: np.ndarray) -> Creep:
     # another object lies on other cells, of which each has a share of its own
     by_cell = np.square(slope - best * first).sum() / first.sum() ** 2
     std = float(np.sqrt(by_noise + by_cell * first.size / max(first.size - 1, 1)))
-    if best > MAX_SHARE:
+    _check_course(t, total / first.sum(), decades @ (1.0, best), best)
+    taken = float(np.clip(best, 0.0, MAX_SHARE))
+    return Creep(taken, float(10.0 ** (weight @ np.log10(_TIMES))), std)
+
+
+def _check_course(t: np.ndarray, found: np.ndarray, fitted: np.ndarray, share: float) -> None:
+    """ValueError: what stands falls or jumps; (m,) at t [s], over what it added first."""
+    steps = np.diff(found - fitted)
+    noise = float(np.median(np.abs(steps)))
+    k = int(np.abs(steps).argmax())
+    if abs(steps[k]) > max(_JUMP, _STRAY * noise):
         raise ValueError(
-            f"what the object adds grows by {best:.0%} in a decade of time, {MAX_SHARE:.0%} is the "
-            "most that fabrics do: was it pressed, or did it slide?"
+            f"what the object adds jumps by {steps[k]:+.0%} after {t[k + 1]:.0f} s: it was pressed "
+            "or lifted, or it slid"
         )
-    return Creep(max(best, 0.0), float(10.0 ** (weight @ np.log10(_TIMES))), std)
+    if share < -_FALLS:
+        raise ValueError(
+            f"what the object adds falls by {-share:.0%} in a decade of time: a load that stands "
+            "gains. It was lifted or carried by something else, or the fabric had not settled"
+        )
+
+
+class Gained:
+    """What cells conduct by loads that had just come, by what they conduct now.
+
+    A cell's gain is a sum of what remembers its load for a third of `time` to a day. A change of
+    the load is seen at once and in full. What a load that goes had gained goes with it.
+
+    Args:
+        share, time: of `Creep`, (..., 1) each: several at once.
+        cells: how many there are.
+    """
+
+    def __init__(self, share, time, cells: int):
+        self._last = -np.inf  # s
+        self._slow = np.multiply.outer(10.0 ** (np.arange(_DECADES) - 0.5), time)  # s
+        self._weight = share * np.exp(-time / self._slow)
+        # (decades, ..., cells) [S] that is remembered, and that there was in the last frame
+        self._remembered = np.zeros((*self._slow.shape[:-1], cells))
+        self._load = np.zeros(self._remembered.shape[1:])
+        self.late = np.zeros(
+            0
+        )  # (..., cells) [S] gained by what has stood for `SETTLED`, or longer
+
+    def update(self, t: float, added: np.ndarray, cells=slice(None)) -> np.ndarray:
+        """(..., cells) [S] as it came, of (cells,) that they conduct beyond their rest.
+
+        Args:
+            t: when the frame was read [s]; set back, or after a gap, it begins anew.
+            added: in that frame [S].
+            cells: indices of those that are loaded, or have been: `added` has these alone.
+        """
+        elapsed, self._last = t - self._last, t
+        if not 0.0 <= elapsed < _GAP:
+            self.forget(slice(None))
+            elapsed = 0.0
+        remembered, last = self._remembered[..., cells], self._load[..., cells]
+        if elapsed:
+            gone = last < _GONE * remembered
+            forgets = np.where(gone, np.minimum(self._slow, _RELEASE), self._slow)
+            remembered = remembered - np.expm1(-elapsed / forgets) * (last - remembered)
+        load, least = added, (1.0 - LIMIT) * added
+        for _ in range(2):  # each leaves a fifth of the error of the one before, or less
+            gained = self._weight * np.minimum(remembered, load)
+            load = np.maximum(added - gained.sum(0), least)
+        self._remembered[..., cells], self._load[..., cells] = remembered, load
+        self.late = (gained * (self._slow > SETTLED)).sum(0)
+        return load
+
+    def forget(self, cells) -> None:
+        """Take cells for untouched."""
+        self._remembered[..., cells] = self._load[..., cells] = 0.0
 
 
 class Standing:
-    """Takes out of each frame's forces what the loads have gained up to then.
+    """Takes out of each frame's forces what the loads have gained up to then: `Gained`.
 
-    A cell's gain is a sum of what remembers its load for a third of `Creep.time` to a day. A change
-    of the load is seen at once and in full. The force is never raised, and never reduced by more
-    than `LIMIT` of what the cell conducts, nor at all at the end of the curve: there it is a lower
-    bound, and the stop must not lose it. What a load that goes had gained goes with it.
+    The force is never raised, and never reduced by more than `LIMIT` of what the cell conducts, nor
+    at all at the end of the curve: there it is a lower bound, and the stop must not lose it.
+
+    Attributes:
+        late: (rows, cols) [S] that loads have gained since they had stood for `SETTLED`.
     """
 
     def __init__(self, creep: Creep, curve: PressureCurve):
-        self._curve = curve
-        self._last = -np.inf  # s
-        slow = creep.time * 10.0 ** (np.arange(_DECADES) - 0.5)
-        self._slow = slow[:, None, None]  # (decades, 1, 1) [s]
-        self._weight = creep.share * np.exp(-creep.time / self._slow)
-        self._load = np.zeros(())  # (rows, cols) [S] of the last frame
-        self._remembered = np.zeros(())  # (decades, rows, cols) [S]
+        self._curve, self._creep = curve, creep
+        self._gained: Gained | None = None
+        self._loaded = np.zeros(0)  # (cells,) [s] when each was loaded last
+        self._at = -np.inf  # s, of the last frame
+        self.late = np.zeros(())
 
     def update(self, t: float, force: np.ndarray) -> np.ndarray:
         """(rows, cols) [N] of a load that had just come.
@@ -168,18 +288,41 @@ class Standing:
             t: when the frame was read [s]; set back, or after a gap, it begins anew.
             force: (rows, cols) that was found in it [N].
         """
-        elapsed, self._last = t - self._last, t
-        if 0.0 <= elapsed < _GAP:
-            gone = self._load < _GONE * self._remembered
-            forgets = -np.expm1(-elapsed / np.where(gone, _RELEASE, self._slow))
-            self._remembered = self._remembered + forgets * (self._load - self._remembered)
-        else:
-            self._remembered = np.zeros((_DECADES, *force.shape))
-        load = added = _added(self._curve, force)
-        for _ in range(2):  # each leaves a fifth of the error of the one before, or less
-            gained = (self._weight * np.minimum(self._remembered, load)).sum(0)
-            load = np.maximum(added - gained, (1.0 - LIMIT) * added)
-        self._load = load
+        flat = force.ravel()
+        if self._gained is None or t < self._at:
+            self._gained = Gained(self._creep.share, np.array([self._creep.time]), flat.size)
+            self._loaded, self._at = np.full(flat.size, -np.inf), t
+        last, self._at, loaded = self._at, t, flat > 0.0
+        idle = last - self._loaded > _FORGOTTEN
+        self._gained.forget(loaded & idle)
+        self._loaded[loaded] = t
+        cells = np.flatnonzero(loaded | ~idle)
+        self.late = np.zeros(force.shape)
+        if not cells.size:
+            return force
+        added = _added(self._curve, force)
+        left = added.copy()
+        left.flat[cells] = self._gained.update(t, added.flat[cells], cells)
+        self.late.flat[cells] = self._gained.late
         at_rest = 1.0 / self._curve.points[0][1]
-        least = np.minimum(self._curve.force_at(np.log(load + at_rest)), force)
+        least = np.minimum(self._curve.force_at(np.log(left + at_rest)), force)
         return np.where(force < _END * self._curve.force(np.zeros_like(force)), least, force)
+
+
+def most(force: np.ndarray, felt: np.ndarray, late: np.ndarray, curve: PressureCurve) -> np.ndarray:
+    """(rows, cols) [N] that loads may be at most, for all that is known of creep.
+
+    The force before creep is taken out, but for what a load gains after it has stood for `SETTLED`:
+    a touch never reads low as it comes, and a load that stands for minutes does not grow by creep.
+
+    Args:
+        force: (rows, cols) by the curve "as it comes", before creep is taken out [N].
+        felt: (rows, cols) that `Standing` makes of it [N]: never more than what this returns.
+        late: (rows, cols) `Standing.late` of the same frame [S].
+        curve: the same as `Standing` has.
+    """
+    at_rest = 1.0 / curve.points[0][1]
+    added = np.maximum(_added(curve, force) - late, 0.0)
+    ends = force >= _END * curve.force(np.zeros_like(force))
+    bound = np.where(ends, force, np.minimum(curve.force_at(np.log(added + at_rest)), force))
+    return np.maximum(felt, bound)

@@ -12,36 +12,42 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import binary_dilation
 
 from ..physics.circuit import Circuit
+from ..physics.creep import NO_CREEP, Creep
 from ..physics.curve import PressureCurve
 from ..solvers import compensate
 from ..solvers.evidence import HARDEST
 from .identify import FEWEST
-from .rest import Rest, check_frames, check_times, supposing
+from .rest import Rest, check_frames, supposing
 from .totals import LEAST, Totals
-from .touched import MOVED, stands_anew
 
 _LIGHTLY = 0.25  # times its conductance at rest that the first knot adds to a cell
 _ODD = 1.3  # factor by which the others say another weight of an odd object,
 _ODD_STD = 4.0  # and standard deviations that they have
 _CANDIDATES = 3  # for the odd ones, the worst, that are tried
 _ODD_SHARE = 1.0 / 3.0  # of the objects at most can be odd
-# RMS error of a total on boards that scatter, creep and bend their curve, and standard deviation of
-# its logarithm from one such board to the next (benchmarks.calibration.curve_fit, seeds 2200 to
-# 2269).
-_USUAL_ERROR = 0.026
-_USUAL_SPREAD = 0.15
+# What objects that lie cannot show, and what limits allow for (docs/calibrate.md)
+_LOW_AT_FIRST = 0.25
+_FACTOR = 1.5
+# RMS error of a total, and standard deviation of its logarithm from one skin to the next: 0.026 on
+# simulated boards (benchmarks.calibration.curve_fit, seeds 2200 to 2269), 0.08 to 0.15 on real.
+_USUAL_ERROR = 0.05
+_USUAL_SPREAD = 0.5
 _ERRORS = np.geomspace(0.005, 1.0, 500)  # that are tried: better than any skin, and useless
 _NARROW = 2.0  # largest over smallest weight up to which the shape is hardly told
-MAX_LAG = 2.0  # s that a reference may be early or late,
-_LAG_STEP = 0.01  # s, in steps of which that is looked for
-_FOLLOWS = 0.5  # correlation of its root, which a sum of readings is like, with the skin, at least
-_LIGHTEST = 0.02  # of a reference's largest force, from which on frames are used,
-_MOST_FRAMES = 100  # at most so many
-_SHORTEST = 3.0  # s of it
+FIRST = 0.3  # s of a touch in which a stop needs its force
 POOR = 0.1  # error from which on a word is due
+
+
+class Off(NamedTuple):
+    """By how much totals of presses that were left out are off, relative."""
+
+    median: float
+    p90: float  # nine of ten are off by less
+
+    def __str__(self) -> str:
+        return f"half are off by less than {self.median:.0%}, nine of ten by {self.p90:.0%}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,18 +60,25 @@ class FittedCurve:
         error: RMS relative error to expect of the total force of a new object, where it lies
             within those of the frames that were used. That of lighter objects is several times
             that, since no frame determines the first slopes.
+        first: the same of the first 0.3 s of touches, as quantiles; None: no frame shows it.
+        holds: of what stands longer.
         off: (n,) relative error of each frame's total, its object left out of the fit.
         odd: frames that were not used, since their weight contradicts the others'.
         unexplained: number of frames whose readings are not those of this circuit.
         message: for a person.
+        creep: what is taken out of a standing load with this curve, which then is that of a load
+            that has just come; a share of 0: it is that of objects that have lain for `LAID` s.
     """
 
     curve: PressureCurve
     error: float
+    first: Off | None
+    holds: Off | None
     off: np.ndarray
     odd: tuple[int, ...]
     unexplained: int
     message: str
+    creep: Creep = NO_CREEP
 
 
 def fit_curve(frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
@@ -89,14 +102,30 @@ def fit_curve(frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
     weights = _check_weights(weights, len(frames))
     at_rest = supposing(rest, circuit).conductance
     usual = float(np.median(at_rest[circuit.populated]))  # S
-    knots = _Knots.of(circuit, usual)
-    added, doubts = _added_conductance(frames, circuit, at_rest, usual, knots)
-    ramps = knots.ramps(added)
-    untouched = np.flatnonzero(ramps.sum((1, 2, 3)) <= 0.0)
+    knots = Knots.of(circuit, usual)
+    added, doubts = added_conductance(frames, circuit, at_rest, usual, knots)
+    untouched = np.flatnonzero(added.sum((1, 2)) <= 0.0)
     if untouched.size:
         k = untouched[0]
         raise ValueError(f"frame {k} shows no touch, its weight is {weights[k]:.3g} N")
-    objects = _objects(weights)
+    return explained(added, weights, _objects(weights), circuit, usual, doubts)
+
+
+def explained(
+    added, weights, objects, circuit: Circuit, usual: float, doubts: int, since=None
+) -> FittedCurve:
+    """Return the curve by what cells conduct under known loads.
+
+    Args:
+        added: (n, rows, cols) beyond their rest [S].
+        weights: (n,) total load of each [N].
+        objects: (n,) to which each belongs: frames of one are left out together.
+        usual: what the usual cell conducts at rest [S].
+        doubts: how many frames the circuit does not explain.
+        since: (n,) for how long each load has been there [s]; None: it stood.
+    """
+    knots = Knots.of(circuit, usual)
+    ramps = knots.ramps(added)
     totals = Totals.of(ramps, weights)
     odd = _odd(totals, objects)
     used = ~np.isin(objects, odd)
@@ -110,15 +139,23 @@ def fit_curve(frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
         others = totals.only(used & ~mine).solve(fit.noise, fit.scatter, fit.step)
         off[mine], std[mine] = others.of(own) - 1.0, others.std(own)
         alike[mine] = own.data @ others.slope - 1.0
-    error, without = (_error(of[used], std[used], weights[used]) for of in (off, alike))
+    error, without = (_error(of[used], std[used], objects[used]) for of in (off, alike))
+    early = np.zeros(len(off), bool) if since is None else since <= FIRST
+    usual_off = np.abs(off) / std * np.sqrt(np.square(std).mean())
+    first, holds = (_quantiles(usual_off[used & at]) for at in (early, ~early))
     gain = fit.gain.reshape(circuit.shape)
     curve = knots.curve(fit.slope, usual).with_gain(gain)
     hardest = float(knots.ramps(added[used].max()) @ fit.slope)  # N
     kept = weights[used]
     message = [
-        f"{len(np.unique(kept))} weights from {kept.min():.3g} to {kept.max():.3g} N: the total "
-        f"of a new object will be off by {error:.1%} (RMS) in this range, by several times that "
-        f"below it; cells were loaded up to {hardest:.2g} N, beyond that the curve is a guess",
+        f"{len(np.unique(kept))} weights from {kept.min():.3g} to {kept.max():.3g} N: of new loads "
+        f"in this range that stand {holds or first}, of lighter ones by several times that "
+        f"({error:.1%} RMS); cells were loaded up to {hardest:.2g} N, beyond that the curve "
+        "is a guess",
+        f"in the first {FIRST:g} s of a touch {first}"
+        if first
+        else f"in the first {FIRST:g} s a touch may read {_LOW_AT_FIRST:.0%} low: a scale shows it",
+        f"thresholds in newtons: allow for a factor of {_FACTOR:g}",
         f"the cells' gains are {gain.min():.2f} to {gain.max():.2f}, as far as the weights tell "
         f"them: with all of them 1 it would be {without:.1%}",
     ]
@@ -132,80 +169,11 @@ def fit_curve(frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
             if circuit.readout_class.knows_r_drive:
                 remedy += f", r_drive = {circuit.r_drive:g} ohm"
         message.append(
-            f"the circuit does not explain {doubts} of {len(frames)} frames: {remedy}, and check "
+            f"the circuit does not explain {doubts} of {len(added)} frames: {remedy}, and check "
             "the wiring"
         )
     indices = tuple(np.flatnonzero(~used).tolist())
-    return FittedCurve(curve, error, off, indices, doubts, "; ".join(message))
-
-
-def fit_reference(
-    frames, times, reference, reference_times, circuit: Circuit, rest: Rest
-) -> tuple[FittedCurve, float]:
-    """Find the curve by a scale or a force sensor that feels all that presses on the skin.
-
-    Frames in which a touch stands are taken, each other than the one before, with the reference's
-    force at that moment: `fit_curve`. How much later than the skin the reference says a force is
-    found by their correlation, its zero where nothing touches.
-
-    Args:
-        frames: (n, rows, cols) ADC ratio; NaN where a crossing was not read. The skin rests, is
-            pressed here and there, lightly and hard, and rests.
-        times: (n,) [s], rising.
-        reference: (m,) total force [N], with any zero.
-        reference_times: (m,) [s], rising, of a clock within `MAX_LAG` of the skin's.
-        circuit, rest: as for `fit_curve`.
-
-    Returns:
-        what `fit_curve` finds, and by how much the reference is late [s].
-
-    Raises:
-        ValueError: shapes that differ, times that do not rise, less than 3 s of both, fewer than 3
-            touches that stand, or a reference that does not follow the skin.
-    """
-    frames = rest.quiet(check_frames(frames, circuit))
-    reference = np.asarray(reference, dtype=float)
-    times = check_times("times", times, len(frames), _SHORTEST)
-    at = check_times("reference_times", reference_times, len(reference), _SHORTEST)
-    noise = max(rest.noise, 0.5) / circuit.full_scale
-    rise = np.nansum(np.maximum(frames - rest.adc, 0.0), axis=(1, 2))
-    late = _lag(times, rise, at, reference)
-    known = (times + late >= at[0]) & (times + late <= at[-1])
-    force = np.interp(times + late, at, reference)
-    touched = np.nanmax(frames - rest.adc, axis=(1, 2)) > MOVED * noise
-    quiet = known & ~binary_dilation(touched, iterations=max(int(len(times) * 0.005), 1))
-    if not quiet.any():
-        raise ValueError("the skin never rests in these frames: the reference's zero is unknown")
-    force -= np.median(force[quiet])
-    taken: list[int] = []
-    for k in np.flatnonzero(known & touched & (force > _LIGHTEST * force.max())):
-        last = frames[taken[-1]] if taken else None
-        if touched[k - 1] and stands_anew(frames[k], frames[k - 1], last, noise):
-            taken.append(int(k))
-    if len(taken) < FEWEST:
-        raise ValueError(f"{len(taken)} touches stand: {FEWEST} or more are needed, 30 are good")
-    every = -(-len(taken) // _MOST_FRAMES)
-    return fit_curve(frames[taken[::every]], force[taken[::every]], circuit, rest), late
-
-
-def _lag(times, rise, at, reference) -> float:
-    """By how much the reference is later than the readings' rise [s]."""
-    lags = np.arange(-MAX_LAG, MAX_LAG + _LAG_STEP / 2, _LAG_STEP)
-    root, found = np.sqrt(reference - reference.min()), []
-    for lag in lags:
-        known = (times + lag >= at[0]) & (times + lag <= at[-1])
-        both = rise[known], np.interp(times[known] + lag, at, root)
-        sure = np.count_nonzero(known) > len(times) / 2 and min(np.ptp(v) for v in both) > 0.0
-        found.append(np.corrcoef(*both)[0, 1] if sure else -1.0)
-    best = int(np.argmax(found))
-    if found[best] < _FOLLOWS or best in (0, len(lags) - 1):
-        raise ValueError(
-            f"the reference does not follow the skin (correlation {found[best]:.2f} at best, with "
-            f"it up to {MAX_LAG:g} s early or late): are both of the same time?"
-        )
-    before, here, after = found[best - 1 : best + 2]
-    turn = before - 2.0 * here + after  # the top of a parabola
-    return float(lags[best] + _LAG_STEP * 0.5 * (before - after) / min(turn, -1e-12))
+    return FittedCurve(curve, error, first, holds, off, indices, doubts, "; ".join(message))
 
 
 def _check_weights(weights, n: int) -> np.ndarray:
@@ -220,7 +188,7 @@ def _check_weights(weights, n: int) -> np.ndarray:
     return weights
 
 
-def _added_conductance(frames, circuit: Circuit, at_rest, usual: float, knots: _Knots):
+def added_conductance(frames, circuit: Circuit, at_rest, usual: float, knots: Knots):
     """(n, rows, cols) [S] that the cells conduct beyond their rest; how many frames are suspect."""
     cells = circuit.populated
     soft = knots.curve(circuit.r_ref, usual)  # any slope: what the cells conduct is looked for
@@ -233,13 +201,13 @@ def _added_conductance(frames, circuit: Circuit, at_rest, usual: float, knots: _
     return np.maximum(added, 0.0) * cells, int(np.count_nonzero(found.status == "suspect"))
 
 
-class _Knots(NamedTuple):
+class Knots(NamedTuple):
     """Between which the ramps rise, an octave each."""
 
     at: np.ndarray  # (k + 1,) [S] that a cell conducts beyond its rest, the first 0
 
     @classmethod
-    def of(cls, circuit: Circuit, usual: float) -> _Knots:
+    def of(cls, circuit: Circuit, usual: float) -> Knots:
         """From a share of what the usual cell conducts at rest [S] to the hardest cell."""
         hardest = 1.0 / (HARDEST * circuit.r_ref)
         octaves = max(int(np.ceil(np.log2(hardest / (_LIGHTLY * usual)))), 1)
@@ -261,14 +229,19 @@ def _objects(weights: np.ndarray) -> np.ndarray:
     return objects if objects.any() else np.arange(len(weights))
 
 
-def _error(off: np.ndarray, std: np.ndarray, weights: np.ndarray) -> float:
-    """Return the RMS error of a new total, by those (n,) left out; totals of one weight are one.
+def _quantiles(off: np.ndarray) -> Off | None:
+    """Return those of (n,) relative errors; None: there are none."""
+    return Off(*(float(q) for q in np.quantile(off, (0.5, 0.9)))) if off.size else None
+
+
+def _error(off: np.ndarray, std: np.ndarray, objects: np.ndarray) -> float:
+    """Return the RMS error of a new total, by those (n,) left out; totals of one object are one.
 
     Each counts by what it was predicted with: an object that is harder than all others worst. The
     mean of what is probable: boards mostly err as usual, one may by any factor (Cauchy's prior).
     """
     usual = np.square(off / std) * np.square(std).mean()  # if all were predicted alike
-    squares = np.array([usual[weights == w].mean() for w in np.unique(weights)])
+    squares = np.array([usual[objects == k].mean() for k in np.unique(objects)])
     log = np.log(_ERRORS / _USUAL_ERROR)
     probable = -0.5 * squares.sum() / np.square(_ERRORS) - len(squares) * log
     probable -= np.log1p(np.square(log / _USUAL_SPREAD))

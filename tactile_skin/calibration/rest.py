@@ -20,6 +20,10 @@ REST_SPAN = 500.0  # times the usual cell's resistance, either way, that a cell 
 _ROUNDS = 3  # in which the readings of noisy cells are put in place
 # Times the usual cell's conductance, either way, beyond which a cell at rest is pressed, or broken.
 UNLIKE = 4.0
+# The same of a sensor with a line of its own: an FSR rests at 0.3 and at 1.7 megohm within a
+# minute, and conducts 15 times as much under 0.05 N.
+_ALONE = 8.0
+_MAD = 0.6745  # median of the size of normal noise, over its RMS
 _STRAYS = 0.02  # share of a reading by which it may stray, or drift, beside `MOVED`
 NOISY = 4.0  # times the usual noise, or difference at rest, that is not of the same kind, and
 NOISY_STEPS = 2.0  # ADC steps RMS at least
@@ -77,9 +81,14 @@ def measure_rest(frames, circuit: Circuit) -> Rest:
     frames = np.where(circuit.populated | ~np.isnan(frames), frames, 0.0)
     middle = np.nanmedian(frames, axis=0)
     off = np.nan_to_num(frames - middle) * circuit.full_scale  # ADC steps
-    noisy = _noisy_cells(off, middle, circuit)
+    if min(circuit.shape) == 1:
+        _check_alone(frames, middle, circuit)
+        noisy: tuple = ()
+        spread = np.median(np.abs(np.diff(off, axis=0)), axis=0) / (_MAD * 2**0.5)
+    else:
+        noisy = _noisy_cells(off, middle, circuit)
+        spread = np.sqrt(np.square(off).mean(0) * len(frames) / (len(frames) - 1))
     usual = circuit.populated & ~mask_of(noisy, circuit.shape)
-    spread = np.sqrt(np.square(off).mean(0) * len(frames) / (len(frames) - 1))
     noise = float(np.median(spread[usual]))
     adc = np.where(usual, np.nanmean(frames, axis=0), middle)
     conductance = resting_conductance(adc, circuit, noise / len(frames) ** 0.5, noisy)
@@ -102,6 +111,23 @@ def check_all_is_sent(frames: np.ndarray, circuit: Circuit, threshold: float, st
             f"{silent:.0%} of the untouched cells read no more than "
             f"compensation's board_threshold = {steps:g} ADC steps: what they conduct must be "
             "known here. Let the board send all that it reads, and set board_threshold: 0"
+        )
+
+
+def _check_alone(frames: np.ndarray, middle: np.ndarray, circuit: Circuit) -> None:
+    """ValueError: something touches one of the sensors that share one line only, or a single one.
+
+    What touches moves one reading, as noise does, and their rest changes by half from one press to
+    the next: only what conducts several times as much as usual is a touch.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        rises = circuit.two_terminal(middle) / circuit.two_terminal(frames)
+    rises = np.where(circuit.populated, np.nan_to_num(rises, posinf=np.inf), 0.0)
+    k, row, col = np.unravel_index(rises.argmax(), rises.shape)
+    if rises[k, row, col] > _ALONE:
+        raise ValueError(
+            f"frame {k}, row {row}, column {col} conducts {rises[k, row, col]:.3g} times what it "
+            f"usually does, {_ALONE:g} at most is a sensor at rest: does something touch it?"
         )
 
 

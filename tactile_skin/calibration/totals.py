@@ -54,6 +54,8 @@ class Totals(NamedTuple):
         if slope is None:
             slope = np.full(data.shape[1], _level(data))
         shares = (ramps @ slope).reshape(len(ramps), -1) / total[:, None]
+        if shares.shape[1] == 1:  # a single cell's gain is the curve's level
+            shares = np.zeros_like(shares)
         return cls(data, shares, shares @ shares.T)
 
     def only(self, used: np.ndarray) -> Totals:

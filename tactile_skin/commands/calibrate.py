@@ -16,10 +16,12 @@ import numpy as np
 
 from ..arguments import split
 from ..calibration.creep import measure_creep
-from ..calibration.curve_fit import MAX_LAG, POOR, FittedCurve, fit_reference
+from ..calibration.curve_fit import POOR, FittedCurve
+from ..calibration.reference import MAX_LAG, fit_reference
 from ..calibration.rest import supposing
 from ..guide.calibrated import known_of, write
 from ..guide.calibration import OBJECT, Guide
+from ..guide.creep import stand
 from ..guide.gain import measure_gain, write_gain
 from ..guide.sent import GLANCE, check_sent
 from ..guide.weight import newtons
@@ -116,7 +118,7 @@ def run(args) -> int:
             guide = Guide(skin.circuit, live, _ask, _say, _count_down, _show, **known_of(skin))
             live(0.0)  # what the driver logs of the port stands above the first question
             check_sent(skin, live(GLANCE))
-            guide.measure_creep(skin.curve) if creep else guide.run()
+            stand(guide, skin.curve) if creep else guide.run()
     no_curve, learnt = weighed and not guide.fitted, guide.learnt
     if no_curve and not learnt:
         print(f"{_NAME}: no curve was found: {out} is not written", file=sys.stderr)
@@ -237,6 +239,8 @@ def from_files(skin: SkinConfig, files: dict, loads: list[tuple[str, str]]) -> G
             at, times = at - at[0], times - times[0]
         fitted, late = fit_reference(frames, times, force, at, guide.circuit, guide.rest)
         guide.fitted = fitted
+        if fitted.creep.share:
+            guide.creep = fitted.creep
         print(f"  {files['reference']} is {late:+.2f} s late; {fitted.message}")
         hardest = sorted(guide.touches, key=lambda touch: -np.nanmax(touch))[:_HARDEST]
         said = force[force > _LIGHTEST * force.max()]

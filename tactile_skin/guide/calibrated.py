@@ -46,7 +46,7 @@ def write(path: Path, source: Path | None, guide: Guide, skin: SkinConfig) -> No
     share, seconds = round(creep.share, 4), round(creep.time, 2)
     if guide.fitted or guide.creep:
         by_file = skin.curve, skin.creep
-        curve, known = (guide.fitted.curve, None) if guide.fitted else by_file
+        curve, known = (guide.fitted.curve, guide.fitted.creep) if guide.fitted else by_file
         curve = as_it_comes(curve, Creep(share, seconds), known)
         # Limits of the file, as stop_on_push.peak, lie on the curve that it had.
         changes["curve"] = points(curve.up_to(skin.curve.max_force))

@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from ..calibration import proving
-from ..calibration.creep import measure_creep
 from ..calibration.curve_fit import FittedCurve, fit_curve
 from ..calibration.identify import Identified, identify, reads_alike
 from ..calibration.rest import Rest, measure_rest, supposing
@@ -22,16 +21,12 @@ from ..health.doctor import other_readout
 from ..health.doctor.advice import HARDEST
 from ..physics.circuit import Circuit
 from ..physics.creep import Creep
-from ..physics.curve import PressureCurve
 from ..physics.proof import NOTHING, Proof
 from ..solvers import compensate
 from .weight import concluded, newtons
 
 REST = 3.0  # s that the skin rests
 OBJECT = 1.0  # s for which an object stands
-STANDS = 120.0  # s for which it stands to tell how much it gains
-_LOOK = 0.25  # s of which each frame of it is the mean
-_TELL = 10.0  # s after which a word is said
 _TRIES = 5  # to measure the rest
 _FEW = 20  # frames that a rest takes at least, at any rate
 TOUCHES = 30  # that are asked for at most
@@ -45,9 +40,10 @@ _USELESS = 0.5  # the same, from which on the shipped curve is as good
 MOST_MOVED = 0.08
 _GLANCE = 0.3  # s that a touch must stand
 _PERSISTS = 4  # glances in a row for which a press does not count before it is said why
-_PATIENCE = 20.0  # s without a new touch after which it asks whether to go on
+PATIENCE = 20.0  # s without a new touch after which it asks whether to go on
 _COUNTED = 3  # s that are counted down before a measurement, in which hands leave the skin
-_BACK, _MORE = ("b", "back"), ("m", "more")
+BACK = "b", "back"
+_MORE = "m", "more"
 _PITCH = 0.018  # m, the paper's
 _NOTHING = Proof()
 
@@ -83,7 +79,7 @@ class Guide:
             count_down: before a measurement; recorded frames need none.
             show: takes the force (rows, cols) [N] of what was weighed last.
         """
-        self._supposed, self._frames, self.ask, self.say = circuit, frames, ask, say
+        self.supposed, self.frames, self.ask, self.say = circuit, frames, ask, say
         self._count_down, self._show = count_down, show
         self.pitch, self.known, self._today = pitch, known, today
         self.touches: list[np.ndarray] = []
@@ -97,10 +93,13 @@ class Guide:
     @property
     def circuit(self) -> Circuit:
         """What the configuration says, then what the touches tell."""
-        return self.found.circuit if self.found else self._supposed
+        return self.found.circuit if self.found else self.supposed
 
     def run(self) -> None:
-        steps, step = (self.measure_rest, self._press, self.fit_curve), 0
+        from .creep import find_creep  # here: it leads a Guide
+
+        steps: tuple[Callable[[], bool], ...] = self.measure_rest, self._press, self.fit_curve
+        steps, step = (*steps, lambda: find_creep(self)), 0
         while step < len(steps):
             step += 1 if steps[step]() else -1
 
@@ -111,7 +110,7 @@ class Guide:
             self.identify()
             word = self.ask("  Enter: on to the weights; m: more touches; b: back to the rest: ")
             word = word.strip()
-        return word not in _BACK
+        return word not in BACK
 
     @property
     def scaled(self) -> bool:
@@ -128,41 +127,16 @@ class Guide:
         names = [name for name, yes in told.items() if yes]
         return names + ["curve"] * bool(self.fitted) + ["creep"] * bool(self.creep)
 
-    def measure_creep(self, curve: PressureCurve) -> None:
-        """Two steps of their own, for a skin whose curve is known."""
-        self.measure_rest(of=2)
-        self.ask(
-            "2 of 2. Take a thing of 1 kg or more, and a piece of foam if it is hard. Enter, and "
-            f"lay it on the\n  skin at once; leave it there for {STANDS / 60:.0f} minutes: "
-        )
-        frames: list[np.ndarray] = []
-        stood = 0.0  # s
-        while stood <= STANDS:
-            frames.append(_mean(self._frames(_LOOK)))
-            if stood or self._touched(frames[-1]):
-                stood += _LOOK
-                if stood % _TELL == 0.0:
-                    self.say(f"  {stood:.0f} s of {STANDS:.0f} s")
-            elif len(frames) * _LOOK > _PATIENCE:
-                raise ValueError(f"nothing was laid on the skin for {_PATIENCE:.0f} s")
-        times = _LOOK * (np.arange(len(frames)) + 0.5)
-        creep = measure_creep(np.array(frames), times, self._supposed, self.rest, curve)
-        self.creep = creep
-        self.say(
-            f"  A standing load gains {creep.share:.1%} +- {creep.std:.1%} in a decade "
-            f"of time: {creep.gain(600.0) - 1.0:.0%} in ten minutes."
-        )
-
     def measure_rest(self, of: int = 3) -> bool:
         """Measure the untouched skin; True: go on."""
         self.ask(f"1 of {of}. Take everything off the skin, and keep your hands off it. Enter: ")
         for left in reversed(range(_TRIES)):
             self._count_down(_COUNTED)
-            frames = self._frames(REST)
+            frames = self.frames(REST)
             while len(frames) < _FEW:
-                frames = np.concatenate([frames, self._frames(REST)])
+                frames = np.concatenate([frames, self.frames(REST)])
             try:
-                self.rest = measure_rest(frames, self._supposed)
+                self.rest = measure_rest(frames, self.supposed)
                 break
             except ValueError as error:
                 if not left:
@@ -171,7 +145,7 @@ class Guide:
                         "doctor` names the line or cells to check"
                     ) from error
                 self.ask(f"  {error}\n  Hands off, and Enter to measure again: ")
-        usual = 1.0 / np.median(self.rest.conductance[self._supposed.populated])
+        usual = 1.0 / np.median(self.rest.conductance[self.supposed.populated])
         self.say(
             f"  {len(frames)} frames: a cell has {usual:.0f} ohm at rest, a reading "
             f"{self.rest.noise:.2f} ADC steps of noise."
@@ -193,16 +167,16 @@ class Guide:
             if len(touches) % _EVERY:
                 self.say(f"  touch {len(touches)}")
                 continue
-            self.found = identify(touches, self._supposed, self.rest)
+            self.found = identify(touches, self.supposed, self.rest)
             if not any(self.found.told.values()):
                 self._check_readout(touches)
             self.say(f"  touch {len(touches)}: {self.found.message}")
             if len(touches) >= (most if self.found.missing else 2 * _EVERY):
                 break
         if len(touches) % _EVERY:
-            self.found = identify(touches, self._supposed, self.rest)
+            self.found = identify(touches, self.supposed, self.rest)
             self.say(f"  {self.found.message}")
-        if self.found and (alike := reads_alike(self._supposed, self.found)):
+        if self.found and (alike := reads_alike(self.supposed, self.found)):
             self.say(f"  {alike}")
         self._check_readout(touches)
         if not touches:
@@ -213,7 +187,7 @@ class Guide:
     def presses(self) -> Iterator[None]:
         """Add one touch after the other, and say why one does not count, as long as they come."""
         waited, why, times, said = 0.0, "", 0, ""  # s; why a press does not count, how often, said
-        while waited < _PATIENCE:
+        while waited < PATIENCE:
             touch, reason = self._new_touch()
             if touch is not None:
                 self.touches.append(touch)
@@ -225,7 +199,7 @@ class Guide:
             if why and times >= _PERSISTS and said != why:
                 self.say(f"  does not count: {why}")
                 said = why
-        self.say(f"  no new touch for {_PATIENCE:.0f} s")
+        self.say(f"  no new touch for {PATIENCE:.0f} s")
 
     def _check_readout(self, touches: list[np.ndarray]) -> None:
         """ValueError: they are those of another readout than the configured one.
@@ -243,12 +217,12 @@ class Guide:
 
     def _new_touch(self) -> tuple[np.ndarray | None, str]:
         """Return the mean frame of a new touch that stands, or None and why there is none."""
-        frames = self.rest.quiet(self._frames(_GLANCE))
+        frames = self.rest.quiet(self.frames(_GLANCE))
         if len(frames) < 2:
             return None, ""
-        frame, last = _mean(frames), self.touches[-1] if self.touches else None
-        steps = float(np.nanmax(frame - self.rest.adc)) * self._supposed.full_scale
-        least = MOVED * self._noise * self._supposed.full_scale
+        frame, last = mean_of(frames), self.touches[-1] if self.touches else None
+        steps = float(np.nanmax(frame - self.rest.adc)) * self.supposed.full_scale
+        least = MOVED * self._noise * self.supposed.full_scale
         if steps <= 0.5 * least:
             return None, ""
         if steps <= least:
@@ -259,28 +233,28 @@ class Guide:
             return None, "it is counted already: press somewhere else"
         return frame, ""
 
-    def _touched(self, frame: np.ndarray) -> bool:
+    def touched(self, frame: np.ndarray) -> bool:
         return bool(np.nanmax(frame - self.rest.adc) > MOVED * self._noise)
 
     def load(self, frames: np.ndarray) -> float:
         """Return by how much (n, rows, cols) frames exceed rest where most lies; 0: none stands."""
         frames = self.rest.quiet(frames)
-        mean = _mean(frames)
-        stands = self._touched(mean) and self.moved(frames) <= MOST_MOVED
+        mean = mean_of(frames)
+        stands = self.touched(mean) and self.moved(frames) <= MOST_MOVED
         return float(np.nanmax(mean - self.rest.adc)) if stands else 0.0
 
     def moved(self, frames: np.ndarray) -> float:
         """Share of a load's readings by which its first and its last frames differ, noise aside."""
         third = max(1, len(frames) // 3)
-        change = np.abs(_mean(frames[-third:]) - _mean(frames[:third]))
-        load = np.abs(_mean(frames) - self.rest.adc)
+        change = np.abs(mean_of(frames[-third:]) - mean_of(frames[:third]))
+        load = np.abs(mean_of(frames) - self.rest.adc)
         seen = np.maximum(change - 4.0 * self._noise, 0.0)
         return float(np.nansum(seen) / np.nansum(load))
 
     @property
     def _noise(self) -> float:
         """Of a reading, as ADC ratio."""
-        return max(self.rest.noise, 0.5) / self._supposed.full_scale
+        return max(self.rest.noise, 0.5) / self.supposed.full_scale
 
     def fit_curve(self) -> bool:
         """Find the curve by things of known weight; False: a step back is asked for."""
@@ -298,7 +272,7 @@ class Guide:
             )
             if not word.strip():
                 break
-            if word.strip() in _BACK:
+            if word.strip() in BACK:
                 if not weights:
                     return False
                 frames, weights = frames[:-1], weights[:-1]
@@ -339,8 +313,8 @@ class Guide:
     def weighed(self, word: str) -> np.ndarray | None:
         """Return the mean frame of what lies on the skin; None: nothing stands, which is said."""
         self._count_down(_COUNTED)
-        stood = self.rest.quiet(self._frames(OBJECT))
-        if not self._touched(_mean(stood)):
+        stood = self.rest.quiet(self.frames(OBJECT))
+        if not self.touched(mean_of(stood)):
             self.say("  nothing lies on the skin: the readings are those of rest")
             return None
         if (moved := self.moved(stood)) > MOST_MOVED:
@@ -349,7 +323,7 @@ class Guide:
                 f"{MOST_MOVED:.0%} at most is a load that stands for {OBJECT:g} s"
             )
             return None
-        return _mean(stood)
+        return mean_of(stood)
 
     def prove(self, frames, loads, refit: proving.Refit) -> None:
         """Say whether loads prove the fitted curve; arguments as of `proving.by_weights`."""
@@ -367,7 +341,7 @@ class Guide:
         """Whether objects tell r_par, with the touches, where these did not."""
         if self.found is None or self.found.told["r_par"]:
             return False
-        found = identify([*self.touches, *frames], self._supposed, self.rest)
+        found = identify([*self.touches, *frames], self.supposed, self.rest)
         if found.told["r_par"]:
             self.found = found
             self.say(f"  With the objects: {found.message}")
@@ -391,7 +365,7 @@ class Guide:
         self.say(f"  felt: {found.force.sum():.1f} N of {weights[-1]:.1f} N")
 
 
-def _mean(frames: np.ndarray) -> np.ndarray:
+def mean_of(frames: np.ndarray) -> np.ndarray:
     """(rows, cols) mean of (n, rows, cols); NaN where no frame read a crossing."""
     known = np.isfinite(frames)
     with np.errstate(invalid="ignore"):

@@ -178,14 +178,12 @@ class StopOnPush:
             )
 
     def _warn_of_threshold(self, threshold: float) -> None:
-        if threshold > (most := min(_BODY, self._circuit.populated.sum() * self._largest)):
+        if threshold > _BODY:
             self.node.get_logger().warning(
-                "threshold = %g N: above %.3g N, %s: no push will stop the robot",
+                "threshold = %g N: above %.3g N, what any part of a body bears (ISO/TS 15066): no "
+                "push will stop the robot",
                 threshold,
-                most,
-                "what any part of a body bears (ISO/TS 15066)"
-                if most == _BODY
-                else "what all cells of this skin feel together",
+                _BODY,
             )
 
     def on_parameters(self, values: dict) -> None:

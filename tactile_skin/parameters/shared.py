@@ -12,7 +12,7 @@ from ..board.protocol import MAX_LINES
 from ..fields import group, parameter
 from ..physics.adc import TABLES
 from ..physics.circuit import Circuit as _Circuit
-from ..physics.creep import MAX_SHARE
+from ..physics.creep import LEAST_TIME, MAX_SHARE
 from ..physics.curve import PressureCurve
 from ..physics.proof import NOTHING, PROOFS
 from ..physics.readouts import DRIVEN, READOUTS
@@ -114,7 +114,7 @@ class Curve:
         MAX_SHARE,
     )
     creep_time: float = parameter(
-        1.0, "s", "after which creep begins, by calibrate --creep", 0.1, 10.0
+        1.0, "s", "after which creep begins, by calibrate --creep", LEAST_TIME, 10.0
     )
     proof: str = parameter(
         NOTHING,

@@ -9,7 +9,9 @@ import numpy as np
 
 from .arrays import Floats
 
-MAX_SHARE = 0.1  # what gains more is no standing load, or no piezoresistive fabric
+# Velostat under a force sensor gains 0.16 to 0.46 a decade (docs/calibrate.md), an FSR 0 to 0.05
+MAX_SHARE = 0.5
+LEAST_TIME = 0.03  # s, of the same: a frame or two of a slow board
 
 
 @dataclass(frozen=True)
@@ -29,3 +31,6 @@ class Creep:
     def gain(self, t: float | Floats) -> Floats:
         """Return times what a load adds as it comes that it adds after t [s]."""
         return 1.0 + self.share * np.log10(1.0 + np.asarray(t) / self.time)
+
+
+NO_CREEP = Creep()

@@ -8,7 +8,7 @@ from support.lab.unknown import Creeping
 from support.weights import known, objects
 
 from tactile_skin import Creep, PressureCurve, measure_creep, measure_rest
-from tactile_skin.calibration.creep import LIMIT, Standing, as_it_comes
+from tactile_skin.calibration.creep import LIMIT, Standing, as_it_comes, creep_of_presses, most
 
 CURVE, CREEP = PressureCurve(), Creep(0.05, 1.0)
 SHAPE = 8, 8
@@ -150,7 +150,8 @@ def test_a_fabric_that_does_not_creep(record):
         (slice(0, 20), "nothing stands"),
         ("taken off", "taken off after 4. s"),
         ("times", "must be 500 that rise"),
-        ("pressed", "was it pressed"),
+        ("pressed", "jumps by"),
+        ("lifted", "falls by"),
     ],
 )
 def test_what_tells_no_creep_is_said(record, part, why):
@@ -159,8 +160,10 @@ def test_what_tells_no_creep_is_said(record, part, why):
         frames = np.where((times > 50.0)[:, None, None] & (times < 60.0)[:, None, None],
                           frames[0], frames)  # fmt: skip
     elif part == "pressed":
-        slow = np.linspace(0.0, 1.0, times.size)[:, None, None]
-        frames = frames[0] + (frames[-1] - frames[0]) * np.where(slow < 0.05, 0.0, 0.75 + slow / 4)
+        frames = frames + 0.15 * (frames - frames[0]) * (times > 60.0)[:, None, None]
+    elif part == "lifted":
+        lift = 1.0 - 0.1 * np.log10(1.0 + np.maximum(times - 5.0, 0.0))
+        frames = frames[0] + (frames - frames[0]) * lift[:, None, None]
     elif part == "times":
         times = times[::-1]
     else:
@@ -202,3 +205,53 @@ def test_a_cell_at_the_end_of_the_curve_gains_nothing():
     for t in times:
         found = standing.update(t, end * own.gain)
     np.testing.assert_array_equal(found, end * own.gain)
+
+
+def test_what_a_load_may_be_is_never_less_than_what_is_felt_and_does_not_creep_up():
+    """As a touch comes nothing is taken out of the bound; a minute later it has not grown."""
+    creep = Creep(0.2, 0.1)
+    times = np.arange(0.0, 60.0, 0.02)
+    force = reading(np.full(times.size, 2.0), times, 0.2, 0.1)
+    standing, bound = Standing(creep, CURVE), []
+    for t, found in zip(times, force, strict=True):
+        felt = standing.update(t, found)
+        bound.append(most(found, felt, standing.late, CURVE)[0, 0])
+        assert (bound[-1] >= felt).all() and (bound[-1] <= found).all()
+    bound = np.array(bound)
+    assert bound[times < 0.3] == pytest.approx(force[times < 0.3, 0, 0], rel=0.03)
+    assert bound[-1] < 1.1 * bound[times < 1.0][-1] < 0.9 * force[-1, 0, 0]
+
+
+def test_a_second_after_its_release_a_hard_touch_is_nothing():
+    standing = Standing(Creep(0.4, 0.03), CURVE)
+    for t in np.arange(0.0, 60.0, 0.02):
+        standing.update(t, np.full((2, 2), 9.0))
+    assert (standing.update(60.02, np.full((2, 2), 0.01)) <= 0.01).all()
+    assert (standing.update(61.0, np.zeros((2, 2))) == 0.0).all()
+    assert standing.update(62.1, np.full((2, 2), 2.0)) == pytest.approx(2.0, rel=0.01)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.35])
+def test_five_presses_show_the_share(record, share):
+    """Down at once, five seconds there, off for three."""
+    _, _, circuit, rest = record
+    skin = Creeping(SHAPE, 41, share=share, time=0.1)
+    force = objects(1, SHAPE, np.random.default_rng(41))[0][0]
+    times = np.arange(0.0, 42.0, 0.1)
+    frames = skin.standing(times, force, (times % 8.0 > 3.0) * 1.0)
+    creep = creep_of_presses(frames, times, circuit, rest, CURVE)
+    assert creep.share == pytest.approx(share, abs=0.03)
+
+
+def test_presses_of_a_hand_show_no_creep(record):
+    _, _, circuit, rest = record
+    skin = Creeping(SHAPE, 41, share=0.1, time=0.1)
+    force = objects(1, SHAPE, np.random.default_rng(41))[0][0]
+    times = np.arange(0.0, 42.0, 0.1)
+    rate = np.array([0.6, -0.15, 0.1, -0.1, 0.5, 0.0])[(times // 8.0).astype(int)]
+    course = (times % 8.0 > 3.0) * (1.0 + rate * (times % 8.0 - 3.0))
+    frames = skin.standing(times, force, course)
+    with pytest.raises(ValueError, match="do not show creep"):
+        creep_of_presses(frames, times, circuit, rest, CURVE)
+    with pytest.raises(ValueError, match="1 things stood"):
+        creep_of_presses(frames[:80], times[:80], circuit, rest, CURVE)

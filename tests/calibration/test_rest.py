@@ -6,7 +6,7 @@ import pytest
 from support import resting
 from support.lab.unknown import Unknown
 
-from tactile_skin import measure_rest
+from tactile_skin import Circuit, measure_rest
 
 SHAPES = (4, 4), (8, 12), (16, 16)
 
@@ -44,3 +44,16 @@ def test_a_sound_skin_has_no_noisy_cells():
     for seed in range(5):
         board = Unknown((8, 8), seed)
         assert measure_rest(board.at_rest(), board.supposed).noisy == ()
+
+
+def test_a_single_sensor_is_measured_as_it_is():
+    """Its rest differs by half from one press to the next; what touches it conducts 15 times it."""
+    circuit = Circuit(1, 3, r_ref=1e4, r_par=0.0, readout="grounded")
+    ohm = np.repeat(np.array([[3e5, 5e4, 9e4], [1.4e5, 1e5, 1.9e5]]), 30, 0)[:, None]
+    adc = circuit.r_ref / (circuit.r_ref + ohm)
+    rest = measure_rest(adc, circuit)
+    assert rest.noisy == ()
+    assert 1.0 / rest.conductance[0] == pytest.approx([2e5, 7e4, 1.2e5], rel=0.5)
+    adc[40, 0, 1] = 0.7
+    with pytest.raises(ValueError, match="row 0, column 1 conducts"):
+        measure_rest(adc, circuit)

@@ -19,6 +19,7 @@ from tactile_skin.calibration.creep import LAID
 from tactile_skin.commands import calibrate
 from tactile_skin.commands.calibrate import picture
 from tactile_skin.guide.calibration import MOST_MOVED, Guide
+from tactile_skin.guide.creep import stand
 from tactile_skin.guide.weight import newtons
 from tactile_skin.middleware import written
 from tactile_skin.middleware.config import read_skin
@@ -139,7 +140,7 @@ def test_creep_is_measured_and_written(tmp_path):
     source = tmp_path / "mine.yaml"
     source.write_text("/**: {ros__parameters: {circuit: {rows: 8, cols: 8}}}\n")
     before, guide = read_skin(source), Guide(skin.supposed, frames, ask, heard.append)
-    guide.measure_creep(before.curve)
+    stand(guide, before.curve)
     assert guide.creep.share == pytest.approx(0.06, abs=0.006)
     assert any("110 s of 120 s" in text for text in heard)
     for _ in range(2):  # the second time it is that of a load that just came already
