@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..calibration.bound import PARTS, Unknown, scale_at_rest, upper_bound
-from ..calibration.creep import Standing
+from ..calibration.creep import Standing, most
 from ..calibration.tare import Tare
 from ..calibration.touched import STIRRED, STIRRED_CELLS, TOUCHED
 from ..calibration.tracker import CircuitTracker
@@ -52,7 +52,7 @@ class Skin:
         force: on its most loaded cell [N].
         std: (rows, cols) of the last picture, one standard deviation of each force [N].
         bound: (rows, cols, 2) the most that each cell of it may feel, by the circuit and in all
-            [N]; what a standing load gained by creep is not taken out of it.
+            [N]; of creep what came after the first second is taken out.
         waits: whether the rest has still to be measured for the first time.
         taken: method -> number of frames.
         fitted: whether the last frame was fitted in full, not in a hurry.
@@ -172,11 +172,13 @@ class Skin:
         force = None
         if estimate.status != "failed":
             self._rest(t, adc, estimate)
+            force = upper = estimate.force
+            if standing := self._standing:
+                force = standing.update(t, estimate.force)
+                upper = most(estimate.force, force, standing.late, self._curve)
             unread = np.isnan(adc)
             std = np.where(unread, estimate.std, 0.0) if unread.any() else None
-            curve = self._tare.curve
-            self.bound = upper_bound(estimate.force, std, self.circuit, curve, self.unknown)
-            force = self._standing.update(t, estimate.force) if self._standing else estimate.force
+            self.bound = upper_bound(upper, std, self.circuit, self._tare.curve, self.unknown)
         touched = self.force >= TOUCHED
         stirs = touched or np.count_nonzero(estimate.force > STIRRED) >= STIRRED_CELLS
         rest = rest_reading(self.circuit, self._tare.curve) if self._tare.measured else None
