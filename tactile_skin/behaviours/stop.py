@@ -312,7 +312,7 @@ class StopPolicy:
 
     def reset(self, t: float) -> str:
         """Free a latched stop; while a cause of it lasts it stays, and the causes are returned."""
-        over = self._force <= self.config.release and self._above_since is None
+        over = self._newest - self._above >= self.config.hold and self._above_since is None
         if self.pushed and over and not self._let_go:
             self._pressing.begin()  # somebody has checked what only faded
             self._pressing_peak.begin()

@@ -49,4 +49,6 @@ def test_a_push_by_it_is_named_so():
     policy.stands = "row 1, column 1: stands. Is the fabric wet?"
     for k in range(20):
         decision = policy.reading(0.01 * k, 40.0)
-    assert decision.stop and decision.reason.startswith("push: row 1, column 1: stands.")
+    assert decision.stop and decision.reason.endswith(
+        "limit 30 N; row 1, column 1: stands. Is the fabric wet?"
+    )

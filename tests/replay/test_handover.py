@@ -76,7 +76,7 @@ def test_replay_feels_the_push_and_has_the_limits(recorded):
     steps = list(replay)
     assert replay.driven.errors == 0 and replay.notes == []
     assert steps[-1].total == pytest.approx(PUSHED, rel=0.15)
-    assert steps[-1].stop == "push" and steps[140].stop == ""
+    assert steps[-1].stop.startswith("push: ") and steps[140].stop == ""
     assert replay.driven.nodes["stop_on_push"].policy.config.threshold == 25.0
 
 

@@ -42,7 +42,7 @@ def write(path, readings: int, where="/skin"):
         adc = np.full((16, 16), 64 * k, np.uint16)
         put(f"{where}/adc", t, image(adc, "16UC1", header))
         put(f"{where}/pressure", t + 1, image(np.full((16, 16), float(k)), "32FC1", header))
-        contact = [(0.15, 0.0, 0.0, k, 1e-4, 1.0, 7.0, 0.0, 0.0, 0.0, 1.0)]
+        contact = [(0.15, 0.0, 0.0, k, 1e-4, 1.0, 7.0, 0.0, 0.0, 0.0, 1.0, k, 1.0)]
         put(f"{where}/contacts", t + 2, cloud_of(CONTACT, contact, header))
         values = [KeyValue("causes", "push" * (k >= 30)), KeyValue("counts_as", f"{k}")]
         said = (2, "stop_on_push", "push") if k >= 30 else (0, "stop_on_push", "")
