@@ -238,10 +238,10 @@ def test_a_page_is_given_what_the_nodes_were_launched_with(viewed, tmp_path):
     answered, text = viewed.view.skins[""]._call("describe")
     assert answered
     (tmp_path / "a.yaml").write_text("/**: {ros__parameters: {circuit: {rows: 8}}}\n" + text)
-    found = ParameterFile(tmp_path / "a.yaml").sections
-    assert found["/**/serial_driver"] == {"protocol": "text", "format.full_scale": 3300.0}
-    assert found["/**/stop_on_push"] == {"debounce": 0.01}
-    assert set(found) == {"/**", "/**/serial_driver", "/**/stop_on_push"}
+    found = {s.node: s.values for s in ParameterFile(tmp_path / "a.yaml").sections}
+    assert found["serial_driver"] == {"protocol": "text", "format.full_scale": 3300.0}
+    assert found["stop_on_push"] == {"debounce": 0.01}
+    assert set(found) == {"", "serial_driver", "stop_on_push"}
 
 
 def test_a_page_that_may_not_is_refused_by_the_skin_too(viewed):
