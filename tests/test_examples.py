@@ -40,7 +40,7 @@ SAYS = {
     "own_node": [" levels, the largest 1.00"],
     "gestures": ["stroke ("],
     "body": ["stop: back: push", "touch 1 on the back: 6"],
-    "find_circuit": ["r_par = 3", "r_line = ", "the total of a new object will be off by "],
+    "find_circuit": ["r_par = 3", "r_line = ", "nine of ten within "],
     "print_contacts": ["contact 1: ", "contact 2: ", " N at +0."],
     "read_config": ["16 x 16 cells, 18 mm apart", "hardest cell: row 8, column 8"],
     "record_frames": [" frames"],

@@ -74,7 +74,7 @@ def pushed(changes: list[tuple[float, str]]) -> list[float]:
     """When a push began or ended [s], whatever else stopped the robot."""
     found, before = [], False
     for t, reason in changes:
-        now = "push" in reason.split(" + ")
+        now = any(why.startswith("push") for why in reason.split(" + "))
         if now != before:
             found.append(t)
         before = now

@@ -47,7 +47,7 @@ class Off(NamedTuple):
     p90: float  # nine of ten are off by less
 
     def __str__(self) -> str:
-        return f"half are off by less than {self.median:.0%}, nine of ten by {self.p90:.0%}"
+        return f"half are within {self.median:.1%}, nine of ten within {self.p90:.1%}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -37,7 +37,7 @@ WEIGHTS = 3.0, 8.0, 17.0, 30.0, 5.0, 44.0, 12.0, 23.0  # N
 FRAME = 0.002  # s between two readings
 STANDS = 90  # readings for which a touch stands
 SAID = "document.getElementById('work').innerText"
-FAST = {"REST": 0.4, "OBJECT": 0.3, "_GLANCE": 0.1, "_COUNTED": 0.05, "_PATIENCE": 5.0}
+FAST = {"REST": 0.4, "OBJECT": 0.3, "_GLANCE": 0.1, "_COUNTED": 0.05, "PATIENCE": 5.0}
 GIVEN = {"circuit.rows": 12, "circuit.cols": 12, "geometry.shape": "plane", "port": 8321}
 CHANGE = """(() => { const form = document.getElementById('question');
 form.elements.text.value = '%s'; form.requestSubmit(); })()"""
