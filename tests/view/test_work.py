@@ -210,6 +210,7 @@ def calibrated(browser, hands, folder):
         if k > guide.LEAST_OBJECTS:
             browser.until("!document.getElementById('curve').hidden")  # as it forms
     answer(browser, to=f"object {len(WEIGHTS) + 1}:")
+    answer(browser, to="Creep, if you like")
     until(lambda: browser.found("link", "download calibrated.yaml"), "a file to download")
     browser.until("!document.getElementById('curve').hidden")
     text = browser.run(f"fetch('{CALIBRATED}').then(answer => answer.text())")
