@@ -70,8 +70,10 @@ class Monitor:
     def frame(self, t, samples, adc, estimate: Estimate, *, judged, stirs, rest, noise) -> None:
         """Take a frame, as `Seen` has it; `judged`: its status says something of the circuit."""
         suspect = estimate.status == "suspect"
+        touched = bool(estimate.force.max() >= TOUCHED)
+        if self._hums and not touched:  # what it moves is explained
+            suspect = False
         if suspect or judged:
-            touched = bool(estimate.force.max() >= TOUCHED)
             self._doubt.frame(t, suspect, touched, suspect and self._misses(adc, estimate))
         self._last = adc
         self._why = str(estimate.message) if suspect else self._why
@@ -108,8 +110,11 @@ class Monitor:
     def findings(self) -> list[Finding]:
         """Return what the checks find; a hum moves all cells at once, and no supply."""
         found = [finding for check in self._checks for finding in check.findings()]
-        hums = any(finding.kind is Kind.HUM for finding in found)
-        return [f for f in found if not (hums and f.kind is Kind.ALL_CELLS)]
+        return [f for f in found if not (self._hums and f.kind is Kind.ALL_CELLS)]
+
+    @property
+    def _hums(self) -> bool:
+        return any(check.found for check in self._checks if isinstance(check, Hum))
 
     @property
     def held(self) -> str:

@@ -199,6 +199,7 @@ class Hum(Check):
 
     def forget(self) -> None:
         self.found: Finding | None = None
+        self._rest: np.ndarray | None = None  # (rows, cols) ADC ratio
         self._swings: deque[tuple[float, float, float]] = deque(maxlen=_SWINGS)  # end, s, steps
         self._way, self._turned = 0.0, (-np.inf, 0.0)  # +-1; s and steps of the last turn
         self._extreme = (-np.inf, 0.0)  # the farthest that it came since
@@ -206,7 +207,9 @@ class Hum(Check):
     def frame(self, seen: Seen) -> None:
         if seen.rest is None or seen.estimate.force.max() >= TOUCHED:
             return
-        off = (seen.adc - seen.rest)[self._cells]
+        # what was measured first: the rest that is followed goes with a slow hum
+        self._rest = seen.rest if self._rest is None else self._rest
+        off = (seen.adc - self._rest)[self._cells]
         if np.isnan(off).all():
             return
         level = float(np.nanmedian(off)) * self._full
