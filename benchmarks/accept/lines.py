@@ -113,10 +113,13 @@ class Line:
 def play(task) -> dict:
     """Return what a task comes to; nothing that it prints or logs is shown."""
     function, arguments = task
+    quiet, before = io.StringIO(), logging.root.manager.disable
     logging.disable(logging.WARNING)
-    quiet = io.StringIO()
-    with one_thread(), contextlib.redirect_stdout(quiet), contextlib.redirect_stderr(quiet):
-        return function(*arguments)
+    try:
+        with one_thread(), contextlib.redirect_stdout(quiet), contextlib.redirect_stderr(quiet):
+            return function(*arguments)
+    finally:
+        logging.disable(before)
 
 
 def _some(n: int, share: float) -> int:
