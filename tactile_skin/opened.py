@@ -9,7 +9,6 @@ with tactile_skin.open("/dev/ttyUSB0", "mine.yaml") as skin:
 from __future__ import annotations
 
 import dataclasses
-import datetime
 import logging
 import time
 from collections.abc import Iterator
@@ -25,20 +24,13 @@ from .board.frame import Frame
 from .board.serial_port import PORT_ERRORS, candidates, nothing_found, open_port, why_not
 from .board.terminal import is_simulated
 from .errors import FileError
-from .health.skin import Skin
 from .middleware.bus import Context, Node
-from .middleware.config import (
-    adc_of,
-    circuit_of,
-    creep_of,
-    curve_of,
-    declared,
-    geometry_of,
-    proof_of,
-)
+from .middleware.config import adc_of, circuit_of, declared, geometry_of
 from .middleware.package import COMPOSED, SKIN_NODES
 from .middleware.parameter_file import ParameterFile
+from .nodes.compensation import skin_of
 from .parameters import nodes as parameters
+from .physics.proof import SIMULATED, Proof
 from .touch.features import analyse_frame
 
 PATIENCE = 3.0  # s without a frame after which a read gives up: as long as a board's start takes
@@ -72,8 +64,7 @@ class Opened:
             file.check_skin("/compensation")
         driver, found, feature, stop = (_given(file, name) for name in SKIN_NODES)
         circuit = circuit_of(found.circuit)
-        curve, adc = curve_of(found.curve, circuit), adc_of(found.circuit, circuit)
-        proof = proof_of(found.curve)
+        adc = adc_of(found.circuit, circuit)
         self._port_name, self._baud = port, driver.baud
         self._serial_number = driver.serial_number
         layout = circuit.rows, circuit.cols, circuit.adc_bits
@@ -84,20 +75,7 @@ class Opened:
         self._cell_threshold, self._stops = feature.cell_threshold, found.suspect_stops
         names = {field.name for field in dataclasses.fields(StopConfig)}
         self._policy = StopPolicy(StopConfig(**{n: getattr(stop, n) for n in names}))
-        self._skin = Skin(
-            adc,
-            curve,
-            creep_of(found.curve),
-            r_par_std=found.circuit.r_par_std or None,
-            follows=found.tare and not found.board_threshold,
-            noise=adc.share(found.noise) * circuit.full_scale or None,
-            threshold=adc.threshold(found.board_threshold),
-            time_limit=found.time_limit,
-            weights=None,
-            factor=proof.factor(datetime.date.today()),
-            proved=proof.proved,
-            warn=logging.getLogger(__package__).warning,
-        )
+        self._skin = skin_of(found, logging.getLogger(__package__).warning)
         self._skin.use(found.method)
         self._port: Any = None
         self._touched = False
@@ -114,7 +92,7 @@ class Opened:
         self._port = open_port(name, self._baud)
         self._port_name, self.simulated = name, is_simulated(self._port)
         if self.simulated:  # with the curve of this skin: nothing is unknown
-            self._skin.factor, self._skin.proved = 1.0, True
+            self._skin.proof = Proof(SIMULATED)
         return self
 
     def __exit__(self, *_) -> None:

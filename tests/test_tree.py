@@ -36,7 +36,7 @@ MAY = {
     "health board parameters middleware recording view",
     "launch": "files msg touch behaviours parameters middleware recording nodes",
     "ros": "files yaml_files msg parameters middleware nodes launch",
-    "opened": "physics touch behaviours board health parameters middleware",
+    "opened": "physics touch behaviours board parameters middleware nodes",
     "replay": "extras msg parameters middleware physics recording nodes launch",
     "bench": None,  # everything but the command line
     "guide": "yaml_files physics solvers readings findings calibration health board middleware",

@@ -23,8 +23,8 @@ from .touched import AT_REST
 # What a driver and two multiplexers have in series, at most [ohm]: the paper's two 74HD4067 have
 # 326, two CD4051 250 at 5 V, and all parts scatter by 20 %.
 PARTS = 400.0
-# Times what the curve says that a fabric of its kind conducts at rest, at least: six simulated
-# fabrics in a hundred are 30 % off. What conducts less may as well be read on another scale.
+# Times what the curve says that a fabric of its kind conducts at rest, at least: those of the
+# laboratory's unknown boards are 0.74 to 1.35. What conducts less may be read on another scale.
 _USUAL = 0.7
 # Times what is felt that a force counts at most as long as the skin rests as the curve says: then
 # touches of less than a quarter of the limit never stop a robot.

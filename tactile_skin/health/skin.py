@@ -6,6 +6,7 @@ A frame is fitted with the rest and the circuit that the frames before it told.
 
 from __future__ import annotations
 
+import datetime
 from collections import Counter
 from collections.abc import Callable
 from typing import Any
@@ -22,7 +23,7 @@ from ..physics.adc import Adc
 from ..physics.circuit import forward
 from ..physics.creep import Creep
 from ..physics.curve import PressureCurve
-from ..physics.proof import UNPROVED
+from ..physics.proof import Proof
 from ..solvers import METHODS, Estimate, compensate
 from ..solvers.reading import ROUNDING_NOISE, SCAN_NOISE, rest_reading
 from .monitor import Monitor
@@ -50,6 +51,7 @@ class Skin:
         status, message: of the last frame, as `Estimate` has them.
         residual: of the last frame [ADC steps].
         force: on its most loaded cell [N].
+        proof: what showed that its newtons are right; may be set.
         std: (rows, cols) of the last picture, one standard deviation of each force [N].
         bound: (rows, cols, 2) the most that each cell of it may feel, by the circuit and in all
             [N]; of creep what came after the first second is taken out.
@@ -70,8 +72,8 @@ class Skin:
         threshold: float,
         time_limit: float,
         weights,
-        factor: float = UNPROVED,
-        proved: bool = False,
+        proof: Proof,
+        today: datetime.date,
         warn: Callable[[str], None],
     ):
         """Prepare a skin of which nothing has been read.
@@ -86,8 +88,7 @@ class Skin:
             threshold: ADC ratio up to which the board sends 0 or no reading.
             time_limit: after which a frame fails [s]; 0: by the board's rate.
             weights: of a network; None: those of the package.
-            factor, proved: times what is felt that a force is at most; whether anything absolute
-                was ever seen, as `physics.proof` has them.
+            proof, today: what showed that its newtons are right; the day, since it ages.
             warn: takes what somebody should know, and no stop is for.
         """
         self.circuit = adc.circuit
@@ -101,7 +102,7 @@ class Skin:
         self._standing = Standing(creep, curve) if creep.share else None
         self._tare = Tare(self.circuit, curve)
         self._tracker = CircuitTracker(self.circuit, r_par_std)
-        self.factor, self.proved = factor, proved
+        self.proof, self._today = proof, today
         self._scale: tuple[PressureCurve, float] | None = None  # by how which curve rests
         self._monitor = Monitor(adc, threshold)
         self._last: Estimate | None = None  # the last frame: where the next starts from
@@ -223,7 +224,7 @@ class Skin:
         if touched and not self._adc.bounds(adc).any():
             self._tracker.offer(t, adc, noise)
         # what nothing has shown yet counts against each touch: it is asked at once
-        if touched and not self._tracker.overdue(t, stopped or not self.proved):
+        if touched and not self._tracker.overdue(t, stopped or not self.proof.proved):
             return
         try:
             if self._tracker.ask(self._tare.curve, noise):
@@ -298,12 +299,13 @@ class Skin:
     @property
     def unknown(self) -> Unknown:
         """What is not known of the skin, by which a force may exceed what is felt."""
-        return Unknown(self.hidden_series, self._scale_at_rest, self.factor, self.proved)
+        factor, proved = self.proof.factor(self._today), self.proof.proved
+        return Unknown(self.hidden_series, self._scale_at_rest, factor, proved)
 
     @property
     def _scale_at_rest(self) -> float:
         curve = self._tare.curve
-        if self.proved or not self._tare.measured:
+        if self.proof.proved or not self._tare.measured:
             return 1.0
         if self._scale is None or self._scale[0] is not curve:
             self._scale = curve, scale_at_rest(self.circuit, curve)
@@ -315,7 +317,7 @@ class Skin:
         # another one changes all cells at rest at once
         changed = any(f.kind is Kind.ALL_CELLS for f in self._monitor.findings())
         # nobody has shown that an r_par is right which was merely entered
-        parts = 0.0 if self.proved else PARTS - self.circuit.r_par
+        parts = 0.0 if self.proof.proved else PARTS - self.circuit.r_par
         return self._tracker.unknown(changed=changed, parts=parts)
 
     @property

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import datetime
+from collections.abc import Callable
 
 from ..findings.finding import BESIDE_THE_REST, Finding
 from ..health.skin import Skin
@@ -29,7 +30,7 @@ from ..msg import (
     image_array,
 )
 from ..parameters.nodes import Compensation as Parameters
-from ..physics.proof import SIMULATED
+from ..physics.proof import SIMULATED, Proof
 from ..solvers.evidence import series_scale
 from . import READING, diagnostics, now, seconds
 from .gesture_feature import heard
@@ -45,6 +46,35 @@ _LATE = 0.01
 _FULL_FIT = 0.1  # s after a full fit until the next, however late: only that tests the circuit
 _OLD = 0.05  # s from which on a reading is old news: half of `stale_after`
 _APART = 0.02  # s apart that old ones are taken, for the stop to know that there are readings
+
+
+def skin_of(given: Parameters, warn: Callable[[str], None]) -> Skin:
+    """Return the skin that the parameters of compensation describe.
+
+    Raises:
+        ValueError: values that do not go together.
+        OSError: the weights cannot be read.
+    """
+    circuit = circuit_of(given.circuit)
+    curve, adc = curve_of(given.curve, circuit), adc_of(given.circuit, circuit)
+    weights = network.load(given.weights) if given.weights else None
+    if weights:
+        weights.check(circuit, curve)
+    return Skin(
+        adc,
+        curve,
+        creep_of(given.curve),
+        r_par_std=given.circuit.r_par_std or None,
+        # where the board keeps readings to itself, rest cannot be measured
+        follows=given.tare and not given.board_threshold,
+        noise=adc.share(given.noise) * circuit.full_scale or None,
+        threshold=adc.threshold(given.board_threshold),
+        time_limit=given.time_limit,
+        weights=weights,
+        proof=proof_of(given.curve),
+        today=datetime.date.today(),
+        warn=warn,
+    )
 
 
 class Compensation:
@@ -75,8 +105,6 @@ class Compensation:
         self.node = node
         given = declared(node, Parameters)
         circuit = circuit_of(given.circuit)
-        curve = curve_of(given.curve, circuit)
-        adc = adc_of(given.circuit, circuit)
         self.cell_area = geometry_of(given.geometry, circuit).cell_area
         self._stops = given.suspect_stops
         if min(circuit.shape) < _MIN_LINES:
@@ -85,26 +113,8 @@ class Compensation:
                 "docs/reliability.md",
                 *circuit.shape,
             )
-        proof = proof_of(given.curve)
-        weights = network.load(given.weights) if given.weights else None
-        if weights:
-            weights.check(circuit, curve)
-        self.skin = Skin(
-            adc,
-            curve,
-            creep_of(given.curve),
-            r_par_std=given.circuit.r_par_std or None,
-            # where the board keeps readings to itself, rest cannot be measured
-            follows=given.tare and not given.board_threshold,
-            noise=adc.share(given.noise) * circuit.full_scale or None,
-            threshold=adc.threshold(given.board_threshold),
-            time_limit=given.time_limit,
-            weights=weights,
-            factor=proof.factor(datetime.date.today()),
-            proved=proof.proved,
-            warn=node.get_logger().warning,
-        )
-        self._proof = proof.by
+        self.skin = skin_of(given, node.get_logger().warning)
+        self._proved_by = self.skin.proof  # as the file has it
         self._pressure = node.create_publisher(Image, "skin/pressure", 10)
         self._bound = node.create_publisher(Image, "skin/pressure_bound", 10)
         self._std = node.create_publisher(Image, "skin/pressure_std", 10)
@@ -162,9 +172,10 @@ class Compensation:
     def on_diagnostics(self, msg: DiagnosticArray) -> None:
         """Learn that the board is simulated, with the curve of this skin: nothing is unknown."""
         for status in msg.status:
-            if any(v.key == diagnostics.SIMULATED and v.value == "true" for v in status.values):
-                self._proof = SIMULATED
-                self.skin.factor, self.skin.proved = 1.0, True
+            for pair in status.values:
+                if pair.key == diagnostics.SIMULATED:
+                    simulated = pair.value == "true"
+                    self.skin.proof = Proof(SIMULATED) if simulated else self._proved_by
 
     def on_reset(self, _, response):
         self.skin.reset()
@@ -225,7 +236,7 @@ class Compensation:
     def _unknown(self) -> list[str]:
         """Return what lets a force be more than is felt, the largest part first."""
         skin, found = self.skin, []
-        if not skin.proved:
+        if not skin.proof.proved:
             found.append(diagnostics.SCALE)
         if skin.unknown_series > _NOT_KNOWN * series_scale(skin.circuit):
             found.append(diagnostics.SERIES)
@@ -237,7 +248,7 @@ class Compensation:
         values = self.skin.values() | {
             "method": self._method,
             diagnostics.WAITING: str(self._waiting).lower(),
-            diagnostics.PROOF: self._proof,
+            diagnostics.PROOF: self.skin.proof.by,
             diagnostics.UNKNOWN: " ".join(self._unknown()),
             diagnostics.UNKNOWN_SERIES: f"{self.skin.hidden_series:.1f}",
             diagnostics.STANDS: self.skin.stands,

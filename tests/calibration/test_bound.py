@@ -95,9 +95,14 @@ def test_parts_that_nobody_entered_hide_no_push(shape, entered, readout):
     assert most(force, circuit, curve, **unknown)[1] >= LIMIT
 
 
+# a fabric that conducts a quarter more, on a supply that is low, rests as the usual one does: only
+# a weight shows it
 @pytest.mark.parametrize("shape", [(8, 8), (16, 16)])
-@pytest.mark.parametrize("share", [0.8, 1.0, 1.2])
-@pytest.mark.parametrize("wrong", ["supply", "full scale", "r_ref", "r_ref by 10"])
+@pytest.mark.parametrize(
+    ("wrong", "share"),
+    [("supply", 1.0), ("supply", 1.2)]
+    + [(w, s) for w in ("full scale", "r_ref", "r_ref by 10") for s in (0.8, 1.0, 1.2)],
+)
 @pytest.mark.parametrize("readout", READOUTS)
 def test_a_scale_that_is_off_shows_in_the_rest(shape, share, wrong, readout):
     """45 N on boards of which a scale is entered wrong, with fabrics of +-20 %."""
@@ -107,8 +112,6 @@ def test_a_scale_that_is_off_shows_in_the_rest(shape, share, wrong, readout):
     scale = {"supply": 0.6, "full scale": 1023 / 2000}.get(wrong, 1.0)
     loads, ohms = np.array(CURVE.points).T
     fabric = PressureCurve(loads, ohms * share)
-    if share == 0.8 and wrong == "supply":
-        pytest.skip("rests as other fabrics do: only a weight shows it")
     circuit = replace(board, r_ref=times * board.r_ref)
     force, curve = felt(board, circuit, palm(shape, 45.0, seed=4), fabric=fabric, scale=scale)
     s = scale_at_rest(circuit, curve)

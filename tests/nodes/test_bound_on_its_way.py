@@ -148,10 +148,13 @@ def test_who_has_measured_r_par_says_how_well():
 
 def test_a_simulated_board_is_proved():
     node = Compensation(Bench().node("compensation"))
-    assert (node.skin.factor, node.skin.proved) == (UNPROVED, False)
+    assert (node.skin.unknown.factor, node.skin.unknown.proved) == (UNPROVED, False)
     said = DiagnosticStatus(values=[KeyValue(diagnostics.SIMULATED, "true")])
     node.on_diagnostics(DiagnosticArray(Header(), [said]))
-    assert (node.skin.factor, node.skin.proved) == (1.0, True)
+    assert (node.skin.unknown.factor, node.skin.unknown.proved) == (1.0, True)
+    said.values[0].value = "false"  # the next port is a real board's
+    node.on_diagnostics(DiagnosticArray(Header(), [said]))
+    assert node.skin.unknown.factor == UNPROVED
 
 
 @pytest.mark.parametrize(

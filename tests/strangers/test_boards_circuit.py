@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Converters and circuits as strangers have them: an ESP32's ADC, one sensor."""
 
+import datetime
 from dataclasses import replace
 
 import numpy as np
@@ -25,6 +26,7 @@ from tactile_skin.middleware.config import read_skin
 from tactile_skin.physics import readouts
 from tactile_skin.physics.adc import TABLES, Adc
 from tactile_skin.physics.creep import Creep
+from tactile_skin.physics.proof import Proof
 
 CURVE = PressureCurve()
 
@@ -32,6 +34,7 @@ CURVE = PressureCurve()
 def skin_of(adc: Adc, **given) -> Skin:
     usual = {"r_par_std": None, "follows": True, "noise": None, "threshold": 0.0}
     usual |= {"time_limit": 60.0, "weights": None, "warn": lambda text: None}
+    usual |= {"proof": Proof(), "today": datetime.date(2026, 11, 28)}
     skin = Skin(adc, CURVE, Creep(), **(usual | given))
     skin.use("auto")
     return skin
