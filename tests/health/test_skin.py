@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """One running skin without topics: readings in, force and reasons out."""
 
+import datetime
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from tactile_skin.health import skin as skin_module
 from tactile_skin.health.skin import Skin
 from tactile_skin.physics.adc import Adc
 from tactile_skin.physics.creep import Creep
+from tactile_skin.physics.proof import Proof
 from tactile_skin.simulation import scenes
 
 CIRCUIT, CURVE = Circuit(8, 8), PressureCurve()
@@ -17,6 +20,8 @@ PUSH = scenes.finger(8, 8, 3.3, 4.1, 20.0, 1.2)  # N
 
 
 GIVEN = {
+    "proof": Proof(),
+    "today": datetime.date(2026, 11, 28),
     "r_par_std": None,
     "follows": True,
     "noise": None,
