@@ -19,7 +19,7 @@ from .loose_lines import LooseLines
 from .odd_cells import OddCells
 from .rest_picture import RestPicture
 from .sent import Sent
-from .standing import Standing
+from .standing import MovingZero, Standing
 from .untouched import Hum, Untouched
 
 CHECKS: list[type[Check]] = [
@@ -31,6 +31,7 @@ CHECKS: list[type[Check]] = [
     OddCells,
     LooseLines,
     Standing,
+    MovingZero,
     Hum,
 ]
 

@@ -1,24 +1,32 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A touch that stands without moving, from the first frame on or for minutes: what it may be."""
+"""A touch that stands without moving: what it may be, and whether the board takes it away."""
 
 from __future__ import annotations
+
+from collections import deque
 
 import numpy as np
 
 from ..calibration.touched import TOUCHED
-from ..findings.finding import Finding, Kind, largest
+from ..findings.finding import Finding, Kind, Severity, largest
 from ..physics.adc import Adc
+from ..solvers.reading import FEW, ROUNDING_NOISE
 from .check import Check, Seen
 
 _LOOK = 1.0  # s between looks
 # Of its force, by cells, that a touch may differ from what it was: fabric creeps by 10 to 30 % a
 # decade of time, a hand that works changes all of it.
 _MOVED = 0.3
-_FIRST = (
-    3.0  # s after the first frame in which a touch counts as there from the start: rest takes 1
-)
+_FIRST = 3.0  # s after the first frame in which a touch is there from the start: rest takes 1
 _SOON = 10.0  # s that such a touch stands when it is said,
 _LONG = 120.0  # and any other
+# Readings over those at rest that fall back together: s that are compared, as the stop does; share
+# of them that is left, at most; times the noise that they, and their fall, are; times it by which
+# they may miss one share, or one amount.
+_SPAN = 0.3
+_KEPT = 0.85
+_CLEAR = 10.0
+_EXACT = 1.5
 STANDS = "stands"  # form of what is found
 
 
@@ -57,3 +65,54 @@ class Standing(Check):
             since = "since the start" if early else f"for {_LONG:g} s or longer"
             place = largest(picture)
             self.found = Finding(Kind.LOADED, STANDS, **place, numbers=numbers, detail=since)
+
+
+class MovingZero(Check):
+    """Follows whether the readings of a touch fall back by one share, or by one amount.
+
+    So does a firmware's zero that follows each reading, in steps or not. Of a hand that lets go the
+    readings of hard cells fall by another share than those of soft ones: they end at r_ref.
+    """
+
+    def __init__(self, adc: Adc, threshold: float = 0.0):
+        self._full = adc.circuit.full_scale
+        self.forget()
+
+    def forget(self) -> None:
+        self.found: Finding | None = None
+        self._last: deque[tuple[float, np.ndarray]] = deque()  # s, (rows, cols) [ADC steps]
+
+    def frame(self, seen: Seen) -> None:
+        last = self._last
+        if seen.rest is None or (last and seen.t < last[-1][0]):
+            last.clear()
+            return
+        last.append((seen.t, np.nan_to_num(seen.adc - seen.rest) * self._full))
+        while len(last) > 2 and last[1][0] <= seen.t - _SPAN:
+            last.popleft()
+        if self.found is None and len(last) > 1:
+            noise = max(seen.noise * self._full, ROUNDING_NOISE)
+            if (share := fell_together(last[0][1], last[-1][1], noise)) is not None:
+                self.found = Finding(
+                    Kind.ZEROS, "moves", Severity.FAULT, numbers={"share": 1.0 - share}
+                )
+
+
+def fell_together(before: np.ndarray, now: np.ndarray, noise: float) -> float | None:
+    """Return the share of readings over those at rest that is left, if all of them fell alike.
+
+    Args:
+        before, now: (rows, cols) over the rest [ADC steps].
+        noise: RMS of a reading [ADC steps].
+    """
+    pressed = before > _CLEAR * noise
+    one, other = before[pressed], now[pressed]
+    if one.size < FEW or one.std() < _CLEAR * noise:  # else any fall is one share of them
+        return None
+    fell, share = one - other, float(one @ other / (one @ one))
+    if not 1.0 - _KEPT < share < _KEPT or np.sqrt(np.square(fell).mean()) < _CLEAR * noise:
+        return None
+    by_share = np.square(other - share * one).mean() / (1.0 + share**2)
+    left = other > _CLEAR * noise  # the others are back at rest
+    by_amount = fell[left].var() / 2.0 if np.count_nonzero(left) >= FEW else np.inf
+    return share if min(by_share, by_amount) < (_EXACT * noise) ** 2 else None
