@@ -26,6 +26,7 @@ _LONG = 120.0  # and any other
 _SPAN = 0.3
 _KEPT = 0.85
 _CLEAR = 10.0
+_STEEP = 30.0  # times it that they differ by, and fall by: else noise hides that a hand's differ
 _EXACT = 1.5
 STANDS = "stands"  # form of what is found
 
@@ -107,10 +108,10 @@ def fell_together(before: np.ndarray, now: np.ndarray, noise: float) -> float | 
     """
     pressed = before > _CLEAR * noise
     one, other = before[pressed], now[pressed]
-    if one.size < FEW or one.std() < _CLEAR * noise:  # else any fall is one share of them
+    if one.size < FEW or one.std() < _STEEP * noise:
         return None
     fell, share = one - other, float(one @ other / (one @ one))
-    if not 1.0 - _KEPT < share < _KEPT or np.sqrt(np.square(fell).mean()) < _CLEAR * noise:
+    if not 1.0 - _KEPT < share < _KEPT or np.sqrt(np.square(fell).mean()) < _STEEP * noise:
         return None
     by_share = np.square(other - share * one).mean() / (1.0 + share**2)
     left = other > _CLEAR * noise  # the others are back at rest
