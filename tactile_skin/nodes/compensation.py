@@ -6,7 +6,7 @@ from __future__ import annotations
 import datetime
 from collections.abc import Callable
 
-from ..findings.finding import BESIDE_THE_REST, Finding
+from ..findings.finding import BESIDE_THE_REST, Finding, Kind
 from ..health.skin import Skin
 from ..learning import network
 from ..middleware.bus import DurabilityPolicy, QoSProfile
@@ -258,7 +258,8 @@ class Compensation:
             finding = self._finding
             values[diagnostics.KIND] = finding.kind.value
             values[diagnostics.FORM] = finding.form
-            if finding != self.skin.unrested:  # a touch, and no fault
+            touch = finding.kind is Kind.LOADED or finding == self.skin.unrested
+            if not touch:  # no line is at fault
                 values |= diagnostics.places(finding.rows, finding.cols)
         if self._others:
             values["also"] = self._others

@@ -176,3 +176,18 @@ def test_a_day_that_is_none_is_refused():
         ValueError, match=r"curve\.proof_date = 'today': must be a day, as 2026-11-28"
     ):
         Compensation(Bench().node("compensation", {"curve.proof_date": "today"}))
+
+
+@pytest.mark.parametrize(("kind", "marked"), [(Kind.LOADED, False), (Kind.STUCK, True)])
+def test_a_touch_that_stands_marks_no_line_as_bad(kind, marked):
+    """The page draws a ring where a line or cell is at fault."""
+    bench = Bench()
+    node, found = Compensation(bench.node("compensation")), []
+    other = bench.node("other")
+    other.create_subscription(DiagnosticArray, diagnostics.TOPIC, found.append, 10)
+    form = "stands" if kind is Kind.LOADED else "constant"
+    node._finding = Finding(kind, form, rows=(1,), cols=(2,))
+    node.report()
+    bench.spin()
+    said = {pair.key: pair.value for pair in found[-1].status[0].values}
+    assert (diagnostics.ROWS in said) is marked
