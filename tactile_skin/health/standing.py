@@ -28,6 +28,9 @@ _KEPT = 0.85
 _CLEAR = 10.0
 _STEEP = 30.0  # times it that they differ by, and fall by: else noise hides that a hand's differ
 _EXACT = 1.5
+# Share of what was left half of this time ago that stands: an exponential fall to `_KEPT` or less
+# in the first half goes on by as much in the second.
+_STANDS_AT = 0.95
 STANDS = "stands"  # form of what is found
 
 
@@ -69,10 +72,11 @@ class Standing(Check):
 
 
 class MovingZero(Check):
-    """Follows whether the readings of a touch fall back by one share, or by one amount.
+    """Follows whether the readings of a touch fall back by one share and stand, or by one amount.
 
-    So does a firmware's zero that follows each reading, in steps or not. Of a hand that lets go the
-    readings of hard cells fall by another share than those of soft ones: they end at r_ref.
+    So does a firmware's zero that follows each reading in steps, or at a speed. Of a hand that lets
+    go the readings of hard cells fall by another share than those of soft ones: they end at r_ref.
+    All of them fall by one share behind a low-pass, but to none.
     """
 
     def __init__(self, adc: Adc, threshold: float = 0.0):
@@ -93,27 +97,33 @@ class MovingZero(Check):
             last.popleft()
         if self.found is None and len(last) > 1:
             noise = max(seen.noise * self._full, ROUNDING_NOISE)
-            if (share := fell_together(last[0][1], last[-1][1], noise)) is not None:
+            half = seen.t - _SPAN / 2.0
+            between = next((read for t, read in reversed(last) if t <= half), last[0][1])
+            if (share := fell_together(last[0][1], between, last[-1][1], noise)) is not None:
                 self.found = Finding(
                     Kind.ZEROS, "moves", Severity.FAULT, numbers={"share": 1.0 - share}
                 )
 
 
-def fell_together(before: np.ndarray, now: np.ndarray, noise: float) -> float | None:
+def fell_together(
+    before: np.ndarray, between: np.ndarray, now: np.ndarray, noise: float
+) -> float | None:
     """Return the share of readings over those at rest that is left, if all of them fell alike.
 
     Args:
-        before, now: (rows, cols) over the rest [ADC steps].
+        before, between, now: (rows, cols) over the rest, at three times [ADC steps].
         noise: RMS of a reading [ADC steps].
     """
     pressed = before > _CLEAR * noise
-    one, other = before[pressed], now[pressed]
+    one, middle, other = before[pressed], between[pressed], now[pressed]
     if one.size < FEW or one.std() < _STEEP * noise:
         return None
     fell, share = one - other, float(one @ other / (one @ one))
     if not 1.0 - _KEPT < share < _KEPT or np.sqrt(np.square(fell).mean()) < _STEEP * noise:
         return None
-    by_share = np.square(other - share * one).mean() / (1.0 + share**2)
+    by_share = np.inf
+    if other @ middle > _STANDS_AT * (middle @ middle):  # a low-pass would bring it to rest
+        by_share = np.square(other - share * one).mean() / (1.0 + share**2)
     left = other > _CLEAR * noise  # the others are back at rest
     by_amount = fell[left].var() / 2.0 if np.count_nonzero(left) >= FEW else np.inf
     return share if min(by_share, by_amount) < (_EXACT * noise) ** 2 else None

@@ -30,7 +30,8 @@ class Entry:
     # reason, causes: of the stop; of a finding its message, and the node's name
     reason: str
     causes: tuple[str, ...] = ()
-    # force, limit: largest force as the stop counts it, and the one that is a push [N]
+    # felt, force, limit: largest force, the most that it may be, and the one that is a push [N]
+    felt: float = 0.0
     force: float = 0.0
     limit: float | None = None
     # peak, cell_limit: the same of one cell
@@ -120,6 +121,7 @@ class Log:
         first = pushes and entry.push is None
         if not pushes or not (first or snapshot.force > entry.force + _RISE):
             return
+        entry.felt = float(snapshot.contacts[:, CONTACT.index("force")].sum())
         entry.force, entry.limit = snapshot.force, snapshot.limit
         entry.peak = float(snapshot.contacts[:, CONTACT.index("peak")].max(initial=0.0))
         entry.cell_limit = snapshot.cell_limit

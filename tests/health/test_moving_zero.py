@@ -33,10 +33,9 @@ def played(readout, force, law=lambda t, excess: excess, rate=25, seconds=3.0):
     "law",
     [
         lambda t, excess: excess * 0.5 ** np.floor(t / 0.7),
-        lambda t, excess: excess * np.exp(-t),
         lambda t, excess: np.maximum(excess - 0.4 * np.median(excess) * (t > 0.5), 0.0),
     ],
-    ids=["steps", "exponentially", "one amount"],
+    ids=["steps", "one amount"],
 )
 def test_a_zero_that_follows_is_named_under_the_touch(readout, law):
     text = played(readout, lambda t: PALM, law)
@@ -53,6 +52,18 @@ def test_a_hand_that_lets_go_is_none(readout, seconds, left):
         return 1.0 - (1.0 - left) * min(max(t - 0.5, 0.0) / seconds, 1.0)
 
     assert played(readout, lambda t: course(t) * PALM) == ""
+
+
+@pytest.mark.parametrize("readout", READOUTS)
+@pytest.mark.parametrize("rate", [4, 12, 25, 100])
+@pytest.mark.parametrize("constant", [0.02, 0.1, 0.5])
+def test_a_low_pass_is_none(readout, rate, constant):
+    """A hand leaves within a frame, behind a mean of scans: all readings fall alike, to none."""
+
+    def law(t, excess):
+        return excess * (np.exp(-(t - 0.5) / constant) if t > 0.5 else 1.0)
+
+    assert played(readout, lambda t: PALM, law, rate) == ""
 
 
 def test_what_stands_is_none():

@@ -2,9 +2,8 @@
 // What stands beside the pictures: stop, contacts, numbers, reports.
 
 import { compass, spelt } from "./push.js";
-import { fixed } from "./words.js";
+import { MORE, fixed } from "./words.js";
 
-const MORE = 1.02; // times the force from which on what it counts as is shown
 const $ = (id) => document.getElementById(id);
 
 /** Give an element a text, if it has another. */
@@ -70,7 +69,7 @@ export function showPush(push, colours) {
  * @param counts what the stop takes the force for [N]: more, while r_par is not known.
  */
 export function showTotal(meter, force, limit, counts) {
-  const more = limit && counts > MORE * force ? ` (counts as ${fixed(counts, 0, "")})` : "";
+  const more = limit && counts > MORE * force ? ` (may be ${fixed(counts, 0, "")})` : "";
   const of = `${more}${limit ? ` of ${limit} N` : ""}`;
   const shown = more ? counts : force;
   say(meter.querySelector("strong"), `${fixed(force, 1, " N")}${of}`);

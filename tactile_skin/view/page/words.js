@@ -3,6 +3,8 @@
 
 const FACES = 0.38; // part of a unit vector that a direction is named by: sine of 22.5 degrees
 
+export const MORE = 1.02; // times a force from which on the most that it may be is shown
+
 const FAILED = ["stale", "waiting", "fault"]; // causes of a stop that are no push
 
 export const fixed = (x, digits, unit) =>
@@ -22,15 +24,20 @@ export function from(direction) {
   return `from the ${level.join(" ")}${height && ` and ${height}`}`;
 }
 
-/** A push of an entry of the log: its force, what is allowed, where it came from. */
-export function pushed({ force, limit, peak, cell_limit: cellLimit, push }) {
+/** A push of an entry of the log: its force, the most that it may be, what is allowed, whence. */
+export function pushed({ felt, force, limit, peak, cell_limit: cellLimit, push }) {
   const cell = limit && cellLimit && peak / cellLimit > force / limit;
   const [much, allowed] = cell ? [peak, cellLimit] : [force, limit];
   const where = push ? from(push.direction) : "";
+  const more = !cell && felt && force > MORE * felt;
+  const said = [
+    more ? `may be ${newtons(force)}` : "",
+    allowed ? `limit ${Number(allowed.toPrecision(3))}` : "",
+  ].filter(Boolean).join(", ");
   return [
-    `push ${newtons(much)} N`,
+    `push ${newtons(more ? felt : much)} N`,
     cell ? "on one cell" : "",
-    allowed ? `(limit ${Number(allowed.toPrecision(3))})` : "",
+    said && `(${said})`,
     where,
   ].filter(Boolean).join(" ");
 }
