@@ -18,7 +18,7 @@ from tactile_skin.middleware.threads import one_thread
 from .. import harness
 from ..faults import reliability
 from ..running.touch_to_stop import CUT_LIMIT_MS, LIMIT_MS
-from . import others, presses, weighed
+from . import others, presses, rests, weighed
 from .boards import WIRED, WRONG
 
 SHAPES = "8x8", "16x16", "8x8-loaded-rows", "8x8-grounded-columns", "8x8-loaded-columns"
@@ -36,6 +36,7 @@ MOVING = 24
 PUSHED = 12
 STUCK = 40
 WEIGHED = 12
+RESTS = 20  # of each kind
 TOGETHER = 3  # boards of another benchmark that a process takes at once
 
 
@@ -163,6 +164,15 @@ def _entries(seed: int, share: float, data: Path) -> list:
         (presses.palms, (*kinds[k], k, harness.seed_of(seed, *kinds[k], k)))
         for k in range(0, len(kinds), max(1, round(1 / share)))
     ]
+
+
+def _rests(seed: int, share: float, data: Path) -> list:
+    found = []
+    for k in range(_some(RESTS, share)):
+        for kind in rests.KINDS:
+            key = kind, WIRED[k % len(WIRED)], k
+            found.append((rests.run, (*key, harness.seed_of(seed, *key))))
+    return found
 
 
 def _script(function: Callable, n: int, first: int):
@@ -322,6 +332,19 @@ LINES = (
         (
             Asked("boards held until let go", "held", "boards", 1.0, True),
             Asked("boards free before the first palm", "live", "boards"),
+            *_PALMS,
+        ),
+    ),
+    Line(
+        "rests",
+        "sound boards that are open, uneven, signed or shaken at rest",
+        _rests,
+        (
+            Asked("boards free at 2 s", "at once", "boards", 1.0, True),
+            *(Asked(f"ever free: {k}", f"live, {k}", f"of {k}", 1.0, True) for k in rests.KINDS),
+            *(Asked(f"in fault: {k}", f"fault, {k}", f"idle, {k}", 0.02) for k in rests.KINDS),
+            Asked("palms felt within 5 %", "near", "palms", least=True),
+            Asked("palms felt, median of the true", "ratios", take=np.median),
             *_PALMS,
         ),
     ),

@@ -74,7 +74,8 @@ class Scene:
         return record, [message for _, message in chain.levels.values()]
 
 
-def _course(rise: float, hold: float, rng) -> np.ndarray:
+def course(rise: float, hold: float, rng) -> np.ndarray:
+    """(n,) from 0 to 1 in `rise` s, there for `hold` s, and back within 0.05 to 0.3 s."""
     fall = rng.uniform(0.05, 0.3)
     up, stay, down = (max(2, round(s * KNOTS)) for s in (rise, hold, fall))
     return np.concatenate([np.linspace(0.0, 1.0, up), np.ones(stay), np.linspace(1.0, 0.0, down)])
@@ -112,7 +113,7 @@ def palm(scene: Scene) -> None:
     """Append a palm of 45 N that stands for 0.8 to 2 s, and a pause."""
     rng = scene.case.rng
     picture = PALM * pressed("palm", scene.shape, rng)
-    scene.add(picture, _course(rng.uniform(0.1, 0.5), rng.uniform(0.8, 2.0), rng))
+    scene.add(picture, course(rng.uniform(0.1, 0.5), rng.uniform(0.8, 2.0), rng))
     scene.wait(rng.uniform(0.8, 1.5))
 
 
@@ -130,7 +131,7 @@ def moving(wired: str, k: int, seed) -> dict:
         scene.touched()
     for _ in range(2):
         hold = float(np.clip(rng.uniform(0.8, 2.0) * seconds, 4.0, 20.0))
-        scene.add(PALM * pressed("palm", scene.shape, rng), _course(0.2, hold, rng))
+        scene.add(PALM * pressed("palm", scene.shape, rng), course(0.2, hold, rng))
         scene.wait(3.0)
     record, _ = scene.play()
     found = held(record, scene)
@@ -146,7 +147,7 @@ def pushes(proof: str, wired: str, k: int, seed) -> dict:
     scene.touched()
     for n in range(PUSHES):
         picture = RAMP * pressed(KINDS[n % len(KINDS)], scene.shape, rng)
-        scene.add(picture, _course(rng.uniform(0.8, 2.5), 0.3, rng))
+        scene.add(picture, course(rng.uniform(0.8, 2.5), 0.3, rng))
         scene.wait(1.5)
     record, _ = scene.play()
     true, felt = (_as_pushes(f) for f in (record.truth, record.found))
@@ -179,7 +180,7 @@ def bits(wired: str, k: int, seed) -> dict:
     scene.wait(REST)
     scene.touched()
     for _ in range(2):
-        scene.add(PALM * pressed("palm", scene.shape, rng), _course(0.2, 1.5, rng))
+        scene.add(PALM * pressed("palm", scene.shape, rng), course(0.2, 1.5, rng))
         scene.wait(1.5)
     record, said = scene.play()
     named = any(WORD in text for text in (*record.reasons, *said))
