@@ -26,7 +26,11 @@ from .frame import NAMES, Frame, Parser, about
 
 _PLAIN = b"0123456789., \t\r;"  # what a line of numbers holds, and
 _WORDS = b"-naNA"  # what stands for one that is missing
-_DIGITS = b"0123456789."
+_DIGITS = b"0123456789.-"
+# Numbers, and share of the full scale, that a signed ADC reads below 0 at 0 V: offsets of such ADCs
+# are up to 3 steps (data sheet of the ADS1115), and noise adds to them.
+_BELOW_ZERO = 4.0
+_BELOW_ZERO_SHARE = 0.001
 _ABSENT = {b"", b"-", b"nan", b"NaN", b"NAN"}
 _SEPARATORS = b",;\t"
 _NEWS = 1.25  # by which a number exceeds what was named before it is named: each text is news
@@ -344,6 +348,9 @@ class TextParser(Parser):
         if np.isnan(numbers).all():
             return numbers
         largest, top = float(np.nanmax(numbers)), 2**self.adc_bits - 1
+        if np.nanmin(numbers) < -below_zero(self.format.full_scale or top):
+            return None
+        numbers = np.maximum(numbers, 0.0)
         if self.format.full_scale:
             numbers = numbers * (top / self.format.full_scale)
             beyond = largest * top > (top + 0.5) * self.format.full_scale  # rounded on the board
@@ -358,6 +365,11 @@ class TextParser(Parser):
             return None
         self._volts = self._volts and largest <= VOLTS
         return None if self._volts and decimals else numbers
+
+
+def below_zero(full_scale: float) -> float:
+    """Return how far below 0 numbers are an ADC's own error; what is lower was subtracted."""
+    return max(_BELOW_ZERO, _BELOW_ZERO_SHARE * full_scale)
 
 
 def _balanced(text: bytes) -> bool:

@@ -13,14 +13,16 @@ from scipy.special import gammainccinv, gammaincinv
 
 from ..findings.finding import Finding, Kind, Severity, largest, lines
 from ..physics.circuit import Circuit, forward
+from ..physics.curve import PressureCurve
 from .rest import UNLIKE, usual_resistance
+from .touched import RESTS
 
 # RMS by which readings of one voltage differ at most: as channels may [ADC steps]; by chance, once
 # in so many seconds; and times the noise of a mean, as a low-pass before it leaves more.
 _CHANNELS = 0.2
 _CHANCE = 1e-4
 _LOW_PASS = 1.3
-_LEAST_STEPS = 3.0  # ADC steps below which the board may take something off
+LEAST_STEPS = 3.0  # ADC steps below which the board may take something off
 # Share of what cells of such a fabric differ by, below which each reads as its zero is set.
 _EVEN = 0.25
 _LEAST_SCATTER = 0.03  # RMS of log resistance of a good fabric's cells at rest, chosen
@@ -29,8 +31,12 @@ _LEAST_SCATTER = 0.03  # RMS of log resistance of a good fabric's cells at rest,
 _MAX_LINE_OFFSET = 0.2
 LINE_FALL = 0.05  # the least that may hide a push
 # Times the median deviation of its cells, over the root of their number, by which a line's median
-# may differ: four standard deviations.
+# may differ, and a cell: four standard deviations.
 _MOST_DEVIATIONS = 6.0
+# N a cell that cells bear on average, over the usual one, as their conductance scatters: by a log
+# of 1 about it they bear 0.02 by the shipped curve. A hand bears more.
+_UNEVEN = 0.03
+_OPEN = 1e-6  # times what the usual cell conducts: nothing
 ALIKE = 0.1  # squared difference over the usual one, at most
 OF_NOISE = 3.0  # times what noise explains of a squared difference
 _NEAR_WHOLE = 0.01  # ADC steps off a whole one,
@@ -127,7 +133,7 @@ def one_voltage(mean: np.ndarray, frames: int, noise: float, circuit: Circuit) -
             return None
         numbers |= {"spread": spread, "expected": expected}
         return Finding(Kind.NO_SIGNAL, "even", severity=Severity.FAULT, numbers=numbers)
-    if numbers["steps"] < _LEAST_STEPS:  # whatever presses there would look like all that there is
+    if numbers["steps"] < LEAST_STEPS:  # whatever presses there would look like all that there is
         return Finding(Kind.NO_SIGNAL, "offset", severity=Severity.FAULT, numbers=numbers)
     severity = Severity.FAULT if expected > _CHANNELS else Severity.WARN
     return Finding(Kind.NO_SIGNAL, severity=severity, numbers=numbers)
@@ -147,20 +153,27 @@ def _fabric_spread(mean: np.ndarray, circuit: Circuit) -> float:
     return float(adc[cells].std()) * circuit.full_scale
 
 
-def odd_cell(times: np.ndarray, cells: np.ndarray, most: float) -> Finding | None:
-    """Return a cell that is not at rest, or not connected.
+def odd_cell(conducts: np.ndarray, cells: np.ndarray, curve: PressureCurve) -> Finding | None:
+    """Return a cell that bears a load, a fault; or one that is unlike the others, and is at rest.
 
     Args:
-        times: (rows, cols) conductance over the median cell's.
+        conducts: (rows, cols) of each cell [S].
         cells: (rows, cols) bool, those that exist.
-        most: what a cell at rest conducts at most, over the median cell.
+        curve: of the fabric, which says what a load adds.
     """
-    times = np.where(cells, times, 1.0)
-    if times.max() > most:
-        return Finding(Kind.STUCK, "rest", **largest(times), numbers={"times": times.max()})
-    if times.min() < 1.0 / UNLIKE:
-        return Finding(Kind.DEAD, "rest", **largest(-times), numbers={"times": times.min()})
-    return None
+    usual = float(np.median(conducts[cells]))
+    times = np.where(cells, conducts / usual, 1.0)
+    bears = np.where(cells, curve.force(1.0 / (usual * np.maximum(times, _OPEN))) - curve.force(1.0 / usual), 0.0)
+    if bears.max() > RESTS or np.maximum(bears, 0.0)[cells].mean() > _UNEVEN:
+        numbers = {"times": times.flat[bears.argmax()], "force": bears.max()}
+        return Finding(Kind.STUCK, "rest", severity=Severity.FAULT, **largest(bears), numbers=numbers)
+    off = np.abs(np.log(np.maximum(times, _OPEN)))
+    most = max(np.log(UNLIKE), _MOST_DEVIATIONS * float(np.median(off[cells])))
+    if off.max() < most:
+        return None
+    numbers = {"times": times.flat[off.argmax()]}
+    kind = Kind.DEAD if numbers["times"] < 1.0 else Kind.STUCK
+    return Finding(kind, "unlike", **largest(off), numbers=numbers)
 
 
 def weak_line(change: np.ndarray, cells: np.ndarray, *, first: bool) -> Finding | None:

@@ -4,8 +4,10 @@
 A fabric's cells differ at rest, and drift. `PressureCurve.resting_at` gives that to the solvers;
 here it is measured, in the pauses between touches. The first measurement takes whatever level a
 fabric may rest at, of readings that do not change; from then on nothing is measured during a touch,
-nor shortly after. A cell that conducts more than the median cell by what `AT_REST` adds is
-not at rest. A line that conducts less is not the fabric's doing, and is not followed.
+nor shortly after. A cell that bears `touched.RESTS` more than the median cell, by the curve, is
+not at rest. A line that conducts less is not the fabric's doing, and is not followed. Where the
+curve begins so high that an untouched cell reads about 0, the skin is open at rest: its rest is
+measured once, and says nothing of the cables.
 """
 
 from __future__ import annotations
@@ -21,14 +23,17 @@ from ..physics.curve import PressureCurve
 from ..physics.readouts import apparent
 from ..solvers.reading import FEW, MAX_NOISE, SCAN_NOISE, rest_reading
 from ..solvers.suspect import BEYOND
-from .at_rest import odd_cell, one_voltage, weak_line, which_are_one
+from .at_rest import LEAST_STEPS, odd_cell, one_voltage, weak_line, which_are_one
 from .rest import resting_conductance
 from .touched import AT_REST, TOUCHED
 
 # Conductance of the usual cell over the curve's at rest, between which any fabric may lie: chosen,
-# 4.5 g on each cell of the shipped curve conduct three times as much.
+# 4.5 g on each cell of the shipped curve conduct three times as much. It may be more of a skin that
+# bears no more than a cover by its curve [N].
 _LOWEST_LEVEL = 0.1
 _HIGHEST_LEVEL = 3.0
+_COVER = 6.0
+_HALF_STEP = 0.5  # ADC steps that a reading of 0 may stand for
 # Share by which a reading may move between the halves of a measurement and after it, beside its
 # noise; share of the cells that may move more, with a bad contact.
 _STILL_SHARE = 0.01
@@ -61,20 +66,23 @@ class Tare:
             by, or all cells read alike in it, where those of a fabric would not, or conduct what
             no fabric of this curve does, or readings have risen since the start.
         noise: RMS of a usual reading at rest [ADC steps]; None: not measured yet.
-        lines: lines that are one, by the last measurement; None: there are none. The rest is
-            followed all the same.
+        noted: lines that are one, or a cell unlike the others, by the last measurement; None: there
+            is none. The rest is followed all the same.
+        opens: whether untouched cells read about 0 by the curve.
     """
 
     def __init__(self, circuit: Circuit, curve: PressureCurve):
         self.curve, self.measured, self.unseen = curve, False, True
         self.found: Finding | None = None
-        self.lines: Finding | None = None
+        self.noted: Finding | None = None
         self.noise: float | None = None
         self._learned = -np.inf  # s, when the rest was measured last
         self._first: np.ndarray | None = None  # (rows, cols) [S] that was measured first
         self._circuit = circuit
         self._few = max(1.0, _RESTLESS * np.count_nonzero(circuit.populated))  # odd cells
         at_rest = curve.points[0][1]
+        reads = np.median(rest_reading(circuit, curve.usual)[circuit.populated])
+        self.opens = bool(reads * circuit.full_scale < LEAST_STEPS)
         self._max_factor = at_rest / float(curve.resistance(AT_REST))  # as a factor of conductance
         self._last = -np.inf  # s, when the last frame was read
         self._restless = 0  # measurements in a row whose parts differed
@@ -128,7 +136,7 @@ class Tare:
             self._level.append(adc)
             if len(self._level) == _LEVEL_FRAMES:
                 self._lowest = np.minimum(self._lowest, np.max(self._level, axis=0))
-        followed = self.measured and self._follow(t, adc)
+        followed = self.measured and not self.opens and self._follow(t, adc)
         if t >= self._after and t not in self._times[-1:]:  # a clock may stand still
             self._times.append(t)
             self._frames.append(adc)
@@ -154,6 +162,9 @@ class Tare:
         if not self.measured and (risen := self._risen(window)):
             self.found, self.unseen = risen, True
             return False
+        if self.opens:
+            self.unseen = False
+            return not self.measured and self._learn(window.mean, window.noise)
         found = self._one_voltage(window)
         self.unseen = found is not None and found.stops
         # below half a step rounding leaves no reading
@@ -225,29 +236,34 @@ class Tare:
     def _learn(self, adc: np.ndarray, noise: float) -> bool:
         """Take over what a skin at rest reads, to `noise` [ADC steps]; whether `curve` changed."""
         full = self._circuit.full_scale
-        lines = which_are_one(adc * full, noise, self._circuit.populated)
+        noted = None if self.opens else which_are_one(adc * full, noise, self._circuit.populated)
         off = (adc - rest_reading(self._circuit, self.curve)) * full
         if np.square(off).mean() < (BEYOND * noise) ** 2:
-            self.found, self.measured, self.lines = None, True, lines
+            self.found, self.measured, self.noted = None, True, noted
             return False
         cells, at_rest = self._circuit.populated, self.curve.points[0][1]
         try:
-            now = resting_conductance(adc, self._circuit, noise)
+            read = np.maximum(adc, _HALF_STEP / full) if self.opens else adc
+            now = resting_conductance(read, self._circuit, noise)
             now = np.where(cells, now, 1.0 / at_rest)
         except ValueError as error:
             self.found = Finding(Kind.FABRIC, "none", detail=str(error))
             return False
+        fabric = self.curve.usual
         level = float(np.median(now[cells])) * at_rest
-        self.unseen = not _LOWEST_LEVEL <= level <= _HIGHEST_LEVEL
+        bears = float(fabric.force(1.0 / now)[cells].sum())
+        high = level > _HIGHEST_LEVEL and bears > _COVER
+        self.unseen = high or (level < _LOWEST_LEVEL and not self.opens)
         if self.unseen:
-            numbers = {"ohm": at_rest / level, "expected": at_rest}
+            numbers = {"ohm": at_rest / level, "expected": at_rest, "force": bears}
             self.found = Finding(Kind.FABRIC, numbers=numbers)
         else:
-            self.found = odd_cell(now * at_rest / level, cells, self._max_factor)
-            self.found = self.found or weak_line(np.log(now * at_rest), cells, first=True)
+            odd = odd_cell(now, cells, fabric)
+            weak = None if self.opens else weak_line(np.log(now * at_rest), cells, first=True)
+            self.found, noted = (odd, noted) if odd and odd.stops else (weak, noted or odd)
         if self.found:
             return False
-        self.measured, self.lines = True, lines
+        self.measured, self.noted = True, noted
         if self._first is None:
             self._first = now
         else:

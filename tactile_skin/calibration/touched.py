@@ -8,6 +8,9 @@ import numpy as np
 from ..physics.curve import GRAM
 
 AT_REST = 2.0 * GRAM  # N: what conducts more is no rest, and is not taken for one
+# N by the curve that a cell of a skin at rest bears at most: `cell_threshold`, below which no
+# contact is found, as it is shipped.
+RESTS = 0.2
 TOUCHED = 15.0 * GRAM  # N: a touch; lines that are shorted at rest read as 13 g
 # N on so many cells: a touch that begins, not noise
 STIRRED = 1.0 * GRAM

@@ -70,6 +70,7 @@ class Seen(NamedTuple):
     rest: np.ndarray | None  # (rows, cols) ADC ratio of the skin at rest; None: not measured yet
     noise: float  # RMS of a reading, as ADC ratio
     window: Window | None  # of the last frames, which this one ends; None: it ends none
+    opens: bool = False  # whether untouched cells read about 0 by the curve
 
 
 class Check:

@@ -11,6 +11,7 @@ from ..calibration.touched import TOUCHED
 from ..findings.finding import Finding, Kind, Severity
 from ..physics.adc import Adc
 from ..solvers import Estimate
+from ..solvers.suspect import BEYOND, LIGHTER
 from .bits import Bits
 from .ceiling import Ceiling
 from .check import Check, Seen, Windows
@@ -36,6 +37,11 @@ CHECKS: list[type[Check]] = [
 ]
 
 
+# s for which a reading may lie below that at rest, as under a cover that shakes at 1.5 Hz or more;
+# what is lost in series, or of the supply, stays away.
+_SWING = 0.35
+
+
 class Monitor:
     """Follows one skin; all times are of one clock [s]."""
 
@@ -45,6 +51,7 @@ class Monitor:
         self._windows = Windows(adc.circuit.adc_bits)
         self._why = ""
         self._last: np.ndarray | None = None  # the frame before, as ADC ratio
+        self._low = np.full(adc.circuit.shape, np.inf)  # s, since when each reads less than at rest
         self.begin_anew()
         self.forget_doubts()
 
@@ -68,11 +75,17 @@ class Monitor:
         for check in self._checks:
             check.forget()
 
-    def frame(self, t, samples, adc, estimate: Estimate, *, judged, stirs, rest, noise) -> None:
+    def frame(self, t, samples, adc, estimate: Estimate, *, judged, stirs, rest, noise, opens) -> None:
         """Take a frame, as `Seen` has it; `judged`: its status says something of the circuit."""
         suspect = estimate.status == "suspect"
         touched = bool(estimate.force.max() >= TOUCHED)
         if self._hums and not touched:  # what it moves is explained
+            suspect = False
+        if rest is not None:
+            below = adc < rest - BEYOND * noise
+            self._low = np.where(below, np.minimum(self._low, t), np.inf)
+        lighter = isinstance(estimate.finding, Finding) and estimate.finding.form == LIGHTER
+        if lighter and t - self._low.min() < _SWING:
             suspect = False
         if suspect or judged:
             self._doubt.frame(t, suspect, touched, suspect and self._misses(adc, estimate))
@@ -80,7 +93,7 @@ class Monitor:
         self._why = str(estimate.message) if suspect else self._why
         rising = self._adc.rising(samples)
         window = self._windows.frame(rising)
-        seen = Seen(t, samples, rising, adc, estimate, stirs, rest, noise, window)
+        seen = Seen(t, samples, rising, adc, estimate, stirs, rest, noise, window, opens)
         for check in self._checks:
             check.frame(seen)
 

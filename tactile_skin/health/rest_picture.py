@@ -31,7 +31,7 @@ class RestPicture(Check):
 
     def frame(self, seen: Seen) -> None:
         window = seen.window
-        if window is None or seen.rest is None:
+        if window is None or seen.rest is None or seen.opens:
             return
         read = window.mean > 0.0
         if np.count_nonzero(read) < FEW:

@@ -55,7 +55,9 @@ class Sent(Check):
         if len(self._frames) >= readings.SEVERAL and not 0.0 <= t - self._asked < _EVERY:
             self._asked = t
             frames = np.array(self._frames)
-            done = readings.processed(frames, self._bits, self._known, self._unresolved)
+            done = readings.processed(
+                frames, self._bits, self._known, self._unresolved, opens=seen.opens
+            )
             if done and done.kind is not readings.Kind.CEILING:
                 self._find(done)
 

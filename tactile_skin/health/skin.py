@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ..calibration.at_rest import LEAST_STEPS
 from ..calibration.bound import PARTS, Unknown, scale_at_rest, upper_bound
 from ..calibration.creep import Standing, most
 from ..calibration.tare import Tare
@@ -95,12 +96,14 @@ class Skin:
         self._adc, self._curve, self._follows = adc, curve, follows
         self._weights, self._warn = weights, warn
         floor, ceiling = adc.range
+        self._tare = Tare(self.circuit, curve)
+        if self._tare.opens:  # so little is noise, cut at 0, or the ADC's own offset
+            floor = max(floor, LEAST_STEPS / self.circuit.full_scale)
         self._threshold, self._floor = threshold, max(threshold, floor)
         self._bounds = {"threshold": self._floor, "ceiling": ceiling, "missing": True}
         self._noise = noise
         self._time_limit, self._interval, self._at = time_limit, 0.0, np.nan  # s; of the last frame
         self._standing = Standing(creep, curve) if creep.share else None
-        self._tare = Tare(self.circuit, curve)
         self._tracker = CircuitTracker(self.circuit, r_par_std)
         self.proof, self._today = proof, today
         self._scale: tuple[PressureCurve, float] | None = None  # by how which curve rests
@@ -185,6 +188,7 @@ class Skin:
         rest = rest_reading(self.circuit, self._tare.curve) if self._tare.measured else None
         noise = (self._tare.noise or SCAN_NOISE) / self.circuit.full_scale
         known = {"judged": self.fitted, "stirs": stirs, "rest": rest, "noise": noise}
+        known["opens"] = self._tare.opens
         self._monitor.frame(t, samples, adc, estimate, **known)
         if self.waits and self._tare.measured:  # doubts no longer count, nor this frame's
             self.waits = False
@@ -276,7 +280,7 @@ class Skin:
         else:
             frame = self._monitor.misfit(self._doubt, past=past)
         found = [
-            *filter(None, [self._tare.lines, self._tare.found]),
+            *filter(None, [self._tare.noted, self._tare.found]),
             *self._monitor.findings(),
             *frame,
             *self._tracker.findings(),

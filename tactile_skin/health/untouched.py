@@ -80,7 +80,7 @@ class Untouched(Check):
         t, rest = seen.t, seen.rest
         if seen.stirs or t < self._since < np.inf:  # or the clock was set back
             self._begin()
-        if seen.stirs:
+        if seen.stirs or seen.opens:
             return
         self._since = min(self._since, t)
         self._sum, self._count = self._sum + seen.adc, self._count + 1

@@ -2,7 +2,8 @@
 """Tell readings that somebody processed from what an ADC reads, by a window of frames.
 
 An untouched fabric conducts, and every reading has noise. A stream in which usual cells read 0 was
-cut there: an offset or a threshold was taken off, or the ADC resolves no more.
+cut there: an offset or a threshold was taken off, or the ADC resolves no more. A sheet that is open
+until it is touched reads 0, too: its curve says so.
 """
 
 from __future__ import annotations
@@ -79,7 +80,7 @@ def sample_of(steps: np.ndarray) -> np.ndarray:
 
 
 def processed(
-    steps, adc_bits: int, threshold: float = 0.0, unresolved: float = 0.0
+    steps, adc_bits: int, threshold: float = 0.0, unresolved: float = 0.0, *, opens: bool = False
 ) -> Processed | None:
     """Return what was done to the readings of a board; None: nothing that shows.
 
@@ -88,6 +89,7 @@ def processed(
         adc_bits: of its ADC.
         threshold: up to which it is known to send 0 [ADC steps].
         unresolved: what a reading of 0 may stand for [ADC steps], of an ADC that reads too low.
+        opens: whether untouched cells read about 0 by their curve: then zeros show no offset.
     """
     steps = np.asarray(sample_of(steps), float)
     steps = steps.reshape(len(steps), -1)
@@ -107,6 +109,8 @@ def processed(
         if level is not None:
             known = level <= threshold + _GAP
             return None if known else Processed(Kind.THRESHOLD, level, ceiling, share)
+        if opens:
+            return None
         least = _mean(steps) + max(_HALF_STEP, unresolved)
         if ceiling is not None or top > _MOST_FALL * least or _is_cut(steps, unresolved):
             return Processed(Kind.OFFSET, 0.0, ceiling, share)

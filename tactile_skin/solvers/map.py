@@ -43,6 +43,7 @@ _LEAST_CURVATURE = 1.0
 _MEMORY = 4  # last costs, of which a step must not exceed the largest: a bound met costs at first
 _UNCHANGED = 2.2  # standard deviations of chi^2 up to which a frame is that of the same load
 _ANOTHER = 1.3  # times the force of a lighter picture from which on a heavier one is another
+_LIGHTEST = 0.5  # of its conductance at rest, that a cell keeps from which a cover lifts
 _WIDEN = 1.2  # what the measured coverage requires; not of loads on all cells
 # Noise that is measured in the frame (docs/derivation.md).
 _MAX_FITS = 6  # that may be made
@@ -159,10 +160,30 @@ def _fit(
     residual = reading.residual(adc)
     finding = suspect.by_reading(reading)
     finding = finding or suspect.by_residual(reading, point.model.adc, ROUNDING_NOISE)
+    if finding and finding.kind is Kind.MISFIT and _is_lighter(reading, point):
+        finding = Finding(Kind.MISFIT, suspect.LIGHTER)
     failure = "" if converged else suspect.no_convergence(reading, iterations)
     failure += "" if step.solved else ": the step exceeds single precision"
     said = (*suspect.status_of(finding, failure), "map", steps + iterations, reading.noise)
     return Estimate(force, std, residual, *said, finding=finding)
+
+
+def _is_lighter(reading: Reading, point: Point) -> bool:
+    """Whether the readings are those of cells that conduct less than at rest, but `_LIGHTEST`."""
+    (free,) = reading.circuit.populated.ravel().nonzero()
+    if free.size > _DENSE:
+        return False
+    here, gx = point.model.g.ravel()[free], point.gx.ravel()[free]
+    low = reading.bounds[0].ravel()[free]
+    data = prior_terms.information(point.jacobian(free))
+    data.reshape(-1)[:: free.size + 1] += 1.0  # a cell that its reading hardly tells stays
+    ends = (_LIGHTEST * low - here) / gx, point.ends(free)[1]
+    dx, factor, _ = solve_in_box(data, point.pull.ravel()[free], *ends)
+    if factor is None or not np.isfinite(dx).all():
+        return False
+    g = point.model.g.copy()
+    g.flat[free] = here + gx * dx
+    return suspect.by_residual(reading, reading.model(g), ROUNDING_NOISE) is None
 
 
 def _forces(

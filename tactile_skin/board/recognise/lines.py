@@ -15,7 +15,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..protocol import MAX_LINES
-from ..text import BEGINS, BLANKED, ENDS, LABEL, MATS, TextFormat, TextParser, unescaped
+from ..text import (
+    BEGINS,
+    BLANKED,
+    ENDS,
+    LABEL,
+    MATS,
+    TextFormat,
+    TextParser,
+    below_zero,
+    unescaped,
+)
 from .columns import (
     EVEN,
     FEW,
@@ -280,7 +290,7 @@ def _structure(lines, kind: tuple, end: bytes, shape: tuple[int, int] | None) ->
         about = f"{about}; {doubt}" if doubt else about
         return Seen(protocol, about, b"", fmt if protocol else None, **known, **_scale(values))
 
-    if np.mean((values < 0.0).any(1)) >= _NEGATIVE:
+    if np.mean((values < -below_zero(values.max())).any(1)) >= _NEGATIVE:
         return seen("negative numbers: print what the ADC reads, nothing subtracted", None, "")
     if len(size) == 2:
         return seen("a reading a line, with its row and column", size)
