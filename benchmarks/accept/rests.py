@@ -113,6 +113,11 @@ def run(kind: str, wired: str, k: int, seed) -> dict:
         {"boards": 1, "live": live, "at once": at_once, f"live, {kind}": live, f"of {kind}": 1}
         | {"idle": int(idle.sum()), "fault": int((record.faulted & idle).sum())}
         | {f"fault, {kind}": int((record.faulted & idle).sum()), f"idle, {kind}": int(idle.sum())}
-        | {"near": sum(near), "ratios": ratios, "reasons": sorted(set(record.reasons)), "said": said}
+        | {
+            "near": sum(near),
+            "ratios": ratios,
+            "reasons": sorted(set(record.reasons)),
+            "said": said,
+        }
         | found
     )

@@ -9,13 +9,14 @@ the number of their cells, and from how smoothly the lines across say that the f
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import gammainccinv, gammaincinv
+from scipy.ndimage import uniform_filter
+from scipy.special import gammainccinv, gammaincinv, ndtri
 
 from ..findings.finding import Finding, Kind, Severity, largest, lines
 from ..physics.circuit import Circuit, forward
 from ..physics.curve import PressureCurve
-from .rest import UNLIKE, usual_resistance
-from .touched import RESTS
+from .rest import MAD, UNLIKE, usual_resistance
+from .touched import AT_REST, RESTS
 
 # RMS by which readings of one voltage differ at most: as channels may [ADC steps]; by chance, once
 # in so many seconds; and times the noise of a mean, as a low-pass before it leaves more.
@@ -36,6 +37,10 @@ _MOST_DEVIATIONS = 6.0
 # N a cell that cells bear on average, over the usual one, as their conductance scatters: by a log
 # of 1 about it they bear 0.02 by the shipped curve. A hand bears more.
 _UNEVEN = 0.03
+_PATCH = 3  # cells along each side that are looked at together
+_CALMEST = 0.25  # of the cells, which nothing touches
+_QUARTILE = -ndtri(_CALMEST)  # standard deviations that the quartile of normal ones lies off
+_DEVIATIONS = 4.0  # of a patch's mean, beyond which it is no chance
 _OPEN = 1e-6  # times what the usual cell conducts: nothing
 ALIKE = 0.1  # squared difference over the usual one, at most
 OF_NOISE = 3.0  # times what noise explains of a squared difference
@@ -154,7 +159,7 @@ def _fabric_spread(mean: np.ndarray, circuit: Circuit) -> float:
 
 
 def odd_cell(conducts: np.ndarray, cells: np.ndarray, curve: PressureCurve) -> Finding | None:
-    """Return a cell that bears a load, a fault; or one that is unlike the others, and is at rest.
+    """Return a cell that bears a load or has no contact, a fault; or one that only conducts more.
 
     Args:
         conducts: (rows, cols) of each cell [S].
@@ -163,17 +168,49 @@ def odd_cell(conducts: np.ndarray, cells: np.ndarray, curve: PressureCurve) -> F
     """
     usual = float(np.median(conducts[cells]))
     times = np.where(cells, conducts / usual, 1.0)
-    bears = np.where(cells, curve.force(1.0 / (usual * np.maximum(times, _OPEN))) - curve.force(1.0 / usual), 0.0)
-    if bears.max() > RESTS or np.maximum(bears, 0.0)[cells].mean() > _UNEVEN:
-        numbers = {"times": times.flat[bears.argmax()], "force": bears.max()}
-        return Finding(Kind.STUCK, "rest", severity=Severity.FAULT, **largest(bears), numbers=numbers)
     off = np.abs(np.log(np.maximum(times, _OPEN)))
-    most = max(np.log(UNLIKE), _MOST_DEVIATIONS * float(np.median(off[cells])))
-    if off.max() < most:
+    unlike = off > max(np.log(UNLIKE), _MOST_DEVIATIONS * float(np.median(off[cells])))
+    bears = curve.force(1.0 / (usual * np.maximum(times, _OPEN))) - curve.force(1.0 / usual)
+    loaded = np.where(unlike, bears, 0.0).max() > RESTS
+    if (
+        loaded
+        or np.maximum(bears, 0.0)[cells].mean() > _UNEVEN
+        or _lies(times, cells, curve, usual)
+    ):
+        most = bears.argmax()
+        numbers = {"times": times.flat[most], "force": bears.flat[most]}
+        return Finding(
+            Kind.STUCK, "rest", severity=Severity.FAULT, **largest(bears), numbers=numbers
+        )
+    if not unlike.any():
         return None
     numbers = {"times": times.flat[off.argmax()]}
-    kind = Kind.DEAD if numbers["times"] < 1.0 else Kind.STUCK
-    return Finding(kind, "unlike", **largest(off), numbers=numbers)
+    if numbers["times"] < 1.0:
+        return Finding(Kind.DEAD, "rest", severity=Severity.FAULT, **largest(off), numbers=numbers)
+    return Finding(Kind.STUCK, "unlike", **largest(off), numbers=numbers)
+
+
+def _lies(times: np.ndarray, cells: np.ndarray, curve: PressureCurve, usual: float) -> bool:
+    """Whether cells beside one another conduct more by what a light touch adds, and more alike.
+
+    What lies on a skin does so; cells of an uneven fabric differ from those on both sides, too.
+    """
+    if min(times.shape) < _PATCH:
+        return False
+    change = np.log(np.maximum(times, _OPEN))
+    beside = ~cells, ~cells.T
+    bends = [
+        np.ma.array(np.diff(turned, 2, axis=0), mask=none[2:] | none[1:-1] | none[:-2]).compressed()
+        for turned, none in zip((change, change.T), beside, strict=True)
+    ]
+    scatter = float(np.median(np.abs(np.concatenate(bends)))) / (MAD * 6**0.5)
+    whole = uniform_filter(cells.astype(float), _PATCH)
+    patch = uniform_filter(change * cells, _PATCH) / np.maximum(whole, 1e-9)
+    least = float(np.quantile(change[cells], _CALMEST)) + _QUARTILE * scatter
+    at_rest = float(curve.force(np.exp(-least) / usual))
+    touch = np.log(curve.resistance(at_rest) / curve.resistance(at_rest + AT_REST))
+    most = max(float(touch), _DEVIATIONS * scatter / _PATCH)
+    return bool((patch * cells).max() - least > most)
 
 
 def weak_line(change: np.ndarray, cells: np.ndarray, *, first: bool) -> Finding | None:

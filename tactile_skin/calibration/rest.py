@@ -23,7 +23,7 @@ UNLIKE = 4.0
 # The same of a sensor with a line of its own: an FSR rests at 0.3 and at 1.7 megohm within a
 # minute, and conducts 15 times as much under 0.05 N.
 _ALONE = 8.0
-_MAD = 0.6745  # median of the size of normal noise, over its RMS
+MAD = 0.6745  # median of the size of normal noise, over its RMS
 _STRAYS = 0.02  # share of a reading by which it may stray, or drift, beside `MOVED`
 NOISY = 4.0  # times the usual noise, or difference at rest, that is not of the same kind, and
 NOISY_STEPS = 2.0  # ADC steps RMS at least
@@ -84,7 +84,7 @@ def measure_rest(frames, circuit: Circuit) -> Rest:
     if min(circuit.shape) == 1:
         _check_alone(frames, middle, circuit)
         noisy: tuple = ()
-        spread = np.median(np.abs(np.diff(off, axis=0)), axis=0) / (_MAD * 2**0.5)
+        spread = np.median(np.abs(np.diff(off, axis=0)), axis=0) / (MAD * 2**0.5)
     else:
         noisy = _noisy_cells(off, middle, circuit)
         spread = np.sqrt(np.square(off).mean(0) * len(frames) / (len(frames) - 1))

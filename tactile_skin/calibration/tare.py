@@ -33,6 +33,7 @@ from .touched import AT_REST, TOUCHED
 _LOWEST_LEVEL = 0.1
 _HIGHEST_LEVEL = 3.0
 _COVER = 6.0
+_OPENS = 0.01  # ADC ratio below which readings are about 0: to miss it hides 1 % of the range
 _HALF_STEP = 0.5  # ADC steps that a reading of 0 may stand for
 # Share by which a reading may move between the halves of a measurement and after it, beside its
 # noise; share of the cells that may move more, with a bad contact.
@@ -82,7 +83,7 @@ class Tare:
         self._few = max(1.0, _RESTLESS * np.count_nonzero(circuit.populated))  # odd cells
         at_rest = curve.points[0][1]
         reads = np.median(rest_reading(circuit, curve.usual)[circuit.populated])
-        self.opens = bool(reads * circuit.full_scale < LEAST_STEPS)
+        self.opens = bool(reads < max(LEAST_STEPS / circuit.full_scale, _OPENS))
         self._max_factor = at_rest / float(curve.resistance(AT_REST))  # as a factor of conductance
         self._last = -np.inf  # s, when the last frame was read
         self._restless = 0  # measurements in a row whose parts differed
@@ -162,15 +163,16 @@ class Tare:
         if not self.measured and (risen := self._risen(window)):
             self.found, self.unseen = risen, True
             return False
-        if self.opens:
+        full = self._circuit.full_scale
+        if self.opens and np.median(window.mean[self._circuit.populated]) * full < LEAST_STEPS:
             self.unseen = False
             return not self.measured and self._learn(window.mean, window.noise)
         found = self._one_voltage(window)
         self.unseen = found is not None and found.stops
         # below half a step rounding leaves no reading
-        zero = self._circuit.populated & (window.mean * self._circuit.full_scale < 0.5)
+        zero = self._circuit.populated & (window.mean * full < _HALF_STEP)
         zero &= ~(zero.all(1)[:, None] | zero.all(0))  # such a line is not connected
-        if np.count_nonzero(zero) > self._few:
+        if np.count_nonzero(zero) > self._few and not self.opens:
             numbers = {"count": np.count_nonzero(zero)}
             found = found or Finding(Kind.ZEROS, "cells", numbers=numbers)
         if found:
@@ -268,7 +270,12 @@ class Tare:
             self._first = now
         else:
             before = 1.0 / self.curve.rest_resistance
-            self.found = weak_line(np.log(now / self._first), cells, first=False)
+            risen = now / self._first
+            self.found = weak_line(np.log(risen), cells, first=False)
+            risen = np.where(cells, risen / np.median(risen[cells]), 0.0)
+            if risen.max() > self._max_factor:  # a light touch that stands
+                numbers = {"times": risen.max(), "force": AT_REST}
+                self.found = Finding(Kind.STUCK, "rest", **largest(risen), numbers=numbers)
             common = float(np.median(np.log(now / before)[cells]))
             if abs(common) > _MAX_STEP + _MAX_DRIFT * (self._last - self._learned):
                 numbers = {"share": float(np.expm1(common))}

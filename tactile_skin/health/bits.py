@@ -99,7 +99,8 @@ class Bits(Check):
                 if 1 << bit < ABOVE or np.count_nonzero(moved) < max(_CELLS, 0.1 * moved.size):
                     continue
                 supposed = at + (2 * kept - 1) * moved * (1 << bit)
-                if np.quantile(np.abs(now - supposed), _SHARE) < most:
+                near = min(most, (1 << bit) / 4.0)
+                if np.quantile(np.abs(now - supposed), _SHARE) < near:
                     self._before = rest
                     self._find("moved", bit, kept, {"count": np.count_nonzero(moved)})
                     return

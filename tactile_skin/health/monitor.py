@@ -75,27 +75,28 @@ class Monitor:
         for check in self._checks:
             check.forget()
 
-    def frame(self, t, samples, adc, estimate: Estimate, *, judged, stirs, rest, noise, opens) -> None:
-        """Take a frame, as `Seen` has it; `judged`: its status says something of the circuit."""
-        suspect = estimate.status == "suspect"
+    def frame(self, seen: Seen, *, judged: bool) -> None:
+        """Take a frame; `judged`: its status says something of the circuit."""
+        estimate = seen.estimate
         touched = bool(estimate.force.max() >= TOUCHED)
-        if self._hums and not touched:  # what it moves is explained
-            suspect = False
-        if rest is not None:
-            below = adc < rest - BEYOND * noise
-            self._low = np.where(below, np.minimum(self._low, t), np.inf)
-        lighter = isinstance(estimate.finding, Finding) and estimate.finding.form == LIGHTER
-        if lighter and t - self._low.min() < _SWING:
-            suspect = False
+        suspect = estimate.status == "suspect" and not self._swings(seen, touched)
         if suspect or judged:
-            self._doubt.frame(t, suspect, touched, suspect and self._misses(adc, estimate))
-        self._last = adc
+            large = suspect and self._misses(seen.adc, estimate)
+            self._doubt.frame(seen.t, suspect, touched, large)
+        self._last = seen.adc
         self._why = str(estimate.message) if suspect else self._why
-        rising = self._adc.rising(samples)
-        window = self._windows.frame(rising)
-        seen = Seen(t, samples, rising, adc, estimate, stirs, rest, noise, window, opens)
+        seen = seen._replace(window=self._windows.frame(seen.rising))
         for check in self._checks:
             check.frame(seen)
+
+    def _swings(self, seen: Seen, touched: bool) -> bool:
+        """Whether what a frame misses is a hum at rest, or a cover that shakes."""
+        if seen.rest is not None:
+            below = seen.adc < seen.rest - BEYOND * seen.noise
+            self._low = np.where(below, np.minimum(self._low, seen.t), np.inf)
+        finding = seen.estimate.finding
+        lighter = isinstance(finding, Finding) and finding.form == LIGHTER
+        return (self._hums and not touched) or (lighter and seen.t - self._low.min() < _SWING)
 
     def _misses(self, adc, estimate: Estimate) -> bool:
         """Whether a frame misses by more than `LARGE`, and by more than it has changed."""

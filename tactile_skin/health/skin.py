@@ -27,6 +27,7 @@ from ..physics.curve import PressureCurve
 from ..physics.proof import Proof
 from ..solvers import METHODS, Estimate, compensate
 from ..solvers.reading import ROUNDING_NOISE, SCAN_NOISE, rest_reading
+from .check import Seen
 from .monitor import Monitor
 from .standing import STANDS
 
@@ -184,12 +185,12 @@ class Skin:
             std = np.where(unread, estimate.std, 0.0) if unread.any() else None
             self.bound = upper_bound(upper, std, self.circuit, self._tare.curve, self.unknown)
         touched = self.force >= TOUCHED
-        stirs = touched or np.count_nonzero(estimate.force > STIRRED) >= STIRRED_CELLS
+        stirs = touched or bool(np.count_nonzero(estimate.force > STIRRED) >= STIRRED_CELLS)
         rest = rest_reading(self.circuit, self._tare.curve) if self._tare.measured else None
         noise = (self._tare.noise or SCAN_NOISE) / self.circuit.full_scale
-        known = {"judged": self.fitted, "stirs": stirs, "rest": rest, "noise": noise}
-        known["opens"] = self._tare.opens
-        self._monitor.frame(t, samples, adc, estimate, **known)
+        rising, opens = self._adc.rising(samples), self._tare.opens
+        seen = Seen(t, samples, rising, adc, estimate, stirs, rest, noise, opens)
+        self._monitor.frame(seen, judged=self.fitted)
         if self.waits and self._tare.measured:  # doubts no longer count, nor this frame's
             self.waits = False
             self._monitor.forget_doubts()

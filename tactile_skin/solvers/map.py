@@ -44,6 +44,7 @@ _MEMORY = 4  # last costs, of which a step must not exceed the largest: a bound 
 _UNCHANGED = 2.2  # standard deviations of chi^2 up to which a frame is that of the same load
 _ANOTHER = 1.3  # times the force of a lighter picture from which on a heavier one is another
 _LIGHTEST = 0.5  # of its conductance at rest, that a cell keeps from which a cover lifts
+_LIGHTER_STEPS = 2
 _WIDEN = 1.2  # what the measured coverage requires; not of loads on all cells
 # Noise that is measured in the frame (docs/derivation.md).
 _MAX_FITS = 6  # that may be made
@@ -173,16 +174,20 @@ def _is_lighter(reading: Reading, point: Point) -> bool:
     (free,) = reading.circuit.populated.ravel().nonzero()
     if free.size > _DENSE:
         return False
-    here, gx = point.model.g.ravel()[free], point.gx.ravel()[free]
-    low = reading.bounds[0].ravel()[free]
-    data = prior_terms.information(point.jacobian(free))
-    data.reshape(-1)[:: free.size + 1] += 1.0  # a cell that its reading hardly tells stays
-    ends = (_LIGHTEST * low - here) / gx, point.ends(free)[1]
-    dx, factor, _ = solve_in_box(data, point.pull.ravel()[free], *ends)
-    if factor is None or not np.isfinite(dx).all():
-        return False
+    low, high = (bound.ravel()[free] for bound in reading.bounds)
     g = point.model.g.copy()
-    g.flat[free] = here + gx * dx
+    for _ in range(_LIGHTER_STEPS):
+        here = g.ravel()[free]
+        model = reading.linearised(g, reading.fitted_noise)
+        slope, readings = model.grouped(free)
+        data = prior_terms.information(slope.jacobian(readings, free) * here.astype(np.float32))
+        data.reshape(-1)[:: free.size + 1] += 1.0  # a cell that its reading hardly tells stays
+        pull = (g * model.network.pull(model.weight * model.misfit)).ravel()[free]
+        least, most = _LIGHTEST * low / here - 1.0, high / here - 1.0
+        dx, factor, _ = solve_in_box(data, pull, least, most)
+        if factor is None or not np.isfinite(dx).all():
+            return False
+        g.flat[free] = here * (1.0 + dx)
     return suspect.by_residual(reading, reading.model(g), ROUNDING_NOISE) is None
 
 

@@ -10,7 +10,6 @@ from support.marks import ci, slow
 from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.board.protocol import BinaryParser
 from tactile_skin.calibration.tare import Tare
-from tactile_skin.calibration.touched import AT_REST as MOST
 from tactile_skin.physics.curve import GRAM
 from tactile_skin.simulation import scenes, simulator
 
@@ -247,15 +246,17 @@ def test_cells_that_do_not_exist_stay_out_of_it():
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(0.0, 1.5))
 def test_whatever_is_read_no_more_is_tared_than_allowed(seed, spread):
-    """Also over many measurements: each is bounded by itself, not by the last."""
+    """Also over many measurements: each is bounded by itself, not by the last.
+
+    By the curve: 0.03 N a cell beside the usual one, which bears 4.5 g or a cover of 6 N at most.
+    """
     rng = np.random.default_rng(seed)
     tare = Tare(CIRCUIT, CURVE)
     for k in range(180):
         if k % 45 == 0:
             adc = forward(CIRCUIT, 1.0 / (REST * np.exp(spread * rng.standard_normal((16, 16)))))
         tare.update(0.03 * k, adc, IDLE)
-    least = CURVE.resistance(MOST)
-    assert np.min(tare.curve.rest_resistance) >= least * (1 - 1e-9)
+    assert CURVE.force(tare.curve.rest_resistance).mean() <= 0.03 + 4.5 * GRAM
 
 
 def test_a_jump_of_all_cells_is_no_drift():

@@ -8,6 +8,7 @@ import pytest
 
 from tactile_skin import Circuit
 from tactile_skin.findings.finding import Finding, Kind
+from tactile_skin.health.check import Seen
 from tactile_skin.health.doubt import Doubt
 from tactile_skin.health.monitor import Monitor
 from tactile_skin.physics.adc import Adc
@@ -147,6 +148,6 @@ def test_one_frame_that_misses_a_standing_touch_by_much_is_a_fault(times, stands
         steps = np.full((4, 4), 100.0 if k < 39 or stands else 115.0)
         said = SimpleNamespace(**(wrong if k == 39 else sound), force=steps / 100.0, aside=None)
         samples, ratio = (64.0 * steps).astype(np.uint16), steps / circuit.full_scale
-        given = {"judged": True, "stirs": True, "rest": None, "noise": 0.5 / circuit.full_scale}
-        monitor.frame(0.01 * k, samples, ratio, said, **given)
+        given = {"stirs": True, "rest": None, "noise": 0.5 / circuit.full_scale}
+        monitor.frame(Seen(0.01 * k, samples, samples, ratio, said, **given), judged=True)
         assert monitor.doubtful == (k == 39 and stops) or k < 20

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sound skins whose untouched cells are open, uneven, signed or shaken; and what is none."""
+
+import numpy as np
+import pytest
+from health.seen import seen
+
+from benchmarks.accept import rests
+from tactile_skin import Circuit, PressureCurve, compensate, forward
+from tactile_skin.board.text import TextParser
+from tactile_skin.calibration.at_rest import odd_cell
+from tactile_skin.findings.finding import Kind
+from tactile_skin.health.monitor import Monitor
+from tactile_skin.physics.adc import Adc
+from tactile_skin.readings.processed import processed
+from tactile_skin.solvers.suspect import LIGHTER
+
+CURVE = PressureCurve()
+CELLS = np.ones((8, 8), bool)
+SPREAD = np.random.default_rng(2).standard_normal((8, 8))
+
+
+@pytest.mark.parametrize(
+    ("kind", "wired"),
+    [
+        ("open at rest", "grounded"),
+        ("below a step", "floating"),
+        ("signed", "virtual_ground"),
+        ("uneven", "floating"),
+        ("shaking cover", "loaded"),
+    ],
+)
+def test_it_is_free_and_feels_what_presses(kind, wired):
+    found = rests.run(kind, wired, 0, 7)
+    assert found["at once"] and found["fault"] <= 0.02 * found["idle"], found["said"]
+    assert found["free"] == found["missed"] == 0
+    assert found["ratios"] == pytest.approx([1.0, 1.0], abs=0.07)
+
+
+@pytest.mark.parametrize("spread", [0.1, 0.5, 1.0])
+def test_cells_that_scatter_are_at_rest(spread):
+    conducts = np.exp(spread * SPREAD) / CURVE.rest_resistance
+    found = odd_cell(conducts, CELLS, CURVE)
+    assert found is None or not found.stops
+
+
+@pytest.mark.parametrize("spread", [0.03, 0.3])
+@pytest.mark.parametrize(("newtons", "stops"), [(0.1, False), (0.5, True)])
+def test_a_cell_that_bears_a_load_is_not(spread, newtons, stops):
+    conducts = np.exp(spread * SPREAD) / CURVE.rest_resistance
+    conducts[3, 4] = 1.0 / CURVE.resistance(newtons)
+    found = odd_cell(conducts, CELLS, CURVE)
+    assert (found is not None and found.stops) is stops
+    if stops:
+        assert (found.kind, found.rows, found.cols) == (Kind.STUCK, (3,), (4,))
+
+
+def test_a_load_on_many_cells_is_none():
+    bears = np.where(np.arange(8) < 3, 0.15, 0.0) * CELLS
+    assert odd_cell(1.0 / CURVE.resistance(bears), CELLS, CURVE).stops
+
+
+@pytest.mark.parametrize("opens", [True, False])
+def test_zeros_show_an_offset_only_where_the_curve_conducts_at_rest(opens):
+    rng = np.random.default_rng(1)
+    steps = np.maximum(np.rint(2.0 * rng.standard_normal((40, 8, 8))), 0.0)
+    steps[20:, 2:5, 2:5] += 700.0
+    assert (processed(steps, 10, opens=opens) is None) is opens
+
+
+def test_a_signed_adc_reads_a_little_below_0():
+    parser = TextParser(1, 3)
+    frames = parser.feed(b"\r\n-3,0,500\r\n-30,0,500\r\n")
+    assert [frame.samples.tolist() for frame in frames] == [[[0, 0, 500 << 6]]]
+
+
+def _lighter(readout, share):
+    """Return readings of a skin, cells of which conduct so much less, and the estimate."""
+    circuit = Circuit(8, 8, readout=readout, r_ref=1780.0)
+    curve = CURVE.resting_at(np.exp(0.05 * SPREAD) * CURVE.rest_resistance)
+    ohm = curve.rest_resistance / np.where(np.arange(8) % 2, share, 1.0)
+    noise = 0.3 * np.random.default_rng(3).standard_normal((8, 8)) / 1023
+    adc = forward(circuit, ohm) + noise
+    return (
+        Adc(circuit),
+        adc,
+        forward(circuit, curve.rest_resistance),
+        compensate(adc, circuit, curve, "map", noise=0.3),
+    )
+
+
+@pytest.mark.parametrize("readout", ["floating", "loaded", "grounded", "virtual_ground"])
+@pytest.mark.parametrize(("share", "explained"), [(0.7, True), (0.2, False)])
+def test_cells_that_conduct_less_than_at_rest_are_named(readout, share, explained):
+    *_, found = _lighter(readout, share)
+    assert found.status == "suspect"
+    assert (found.finding.form == LIGHTER) is explained
+
+
+@pytest.mark.parametrize(("hertz", "stops"), [(5.0, False), (0.5, True)])
+def test_they_stop_a_robot_where_they_stay(hertz, stops):
+    adc, read, rest, estimate = _lighter("floating", 0.7)
+    monitor = Monitor(adc, 0.0)
+    calm = compensate(rest, adc.circuit, CURVE, "map", noise=0.3)
+    for k in range(300):
+        low = k > 40 and (k / 100.0 * hertz) % 1.0 < 0.5
+        now, said = (read, estimate) if low else (rest, calm)
+        samples = np.round(now * 65472).astype(np.uint16)
+        given = {"force": said.force, "samples": samples, "adc": now, "rest": rest}
+        frame = seen(k / 100.0, noise=0.3 / 1023, **given)._replace(estimate=said)
+        monitor.frame(frame, judged=True)
+    assert monitor.doubtful is stops
