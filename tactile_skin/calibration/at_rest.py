@@ -23,6 +23,7 @@ from .touched import AT_REST, RESTS
 _CHANNELS = 0.2
 _CHANCE = 1e-4
 _LOW_PASS = 1.3
+_ABOUT_0 = 0.01  # ADC ratio: to miss it hides 1 % of the range
 LEAST_STEPS = 3.0  # ADC steps below which the board may take something off
 # Share of what cells of such a fabric differ by, below which each reads as its zero is set.
 _EVEN = 0.25
@@ -158,18 +159,30 @@ def _fabric_spread(mean: np.ndarray, circuit: Circuit) -> float:
     return float(adc[cells].std()) * circuit.full_scale
 
 
-def odd_cell(conducts: np.ndarray, cells: np.ndarray, curve: PressureCurve) -> Finding | None:
+def is_open(circuit: Circuit, curve: PressureCurve) -> bool:
+    """Whether untouched cells of such a fabric read about 0: no zero shows an offset then."""
+    cells = circuit.populated
+    reads = forward(circuit, np.full(circuit.shape, curve.points[0][1]))[cells]
+    return bool(np.median(reads) < max(LEAST_STEPS / circuit.full_scale, _ABOUT_0))
+
+
+def odd_cell(
+    conducts: np.ndarray, cells: np.ndarray, curve: PressureCurve, step: float = 0.0
+) -> Finding | None:
     """Return a cell that bears a load or has no contact, a fault; or one that only conducts more.
 
     Args:
         conducts: (rows, cols) of each cell [S].
         cells: (rows, cols) bool, those that exist.
         curve: of the fabric, which says what a load adds.
+        step: what an ADC step stands for, over the usual cell's conductance.
     """
     usual = float(np.median(conducts[cells]))
     times = np.where(cells, conducts / usual, 1.0)
-    off = np.abs(np.log(np.maximum(times, _OPEN)))
-    unlike = off > max(np.log(UNLIKE), _MOST_DEVIATIONS * float(np.median(off[cells])))
+    usually = float(np.median(np.abs(np.log(np.maximum(times, _OPEN)))[cells]))
+    # what reads little conducts up to a step more
+    off = np.abs(np.log(np.maximum(times + np.where(times < 1.0, step, 0.0), _OPEN)))
+    unlike = off > max(np.log(UNLIKE), _MOST_DEVIATIONS * usually)
     bears = curve.force(1.0 / (usual * np.maximum(times, _OPEN))) - curve.force(1.0 / usual)
     loaded = np.where(unlike, bears, 0.0).max() > RESTS
     if (

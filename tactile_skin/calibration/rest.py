@@ -17,6 +17,7 @@ from .touched import MOVED
 
 REST_SPAN = 500.0  # times the usual cell's resistance, either way, that a cell at rest may have
 # (one that stays pressed, or is dead)
+HALF_STEP = 0.5  # ADC steps that a reading of 0 may stand for
 _ROUNDS = 3  # in which the readings of noisy cells are put in place
 # Times the usual cell's conductance, either way, beyond which a cell at rest is pressed, or broken.
 UNLIKE = 4.0
@@ -91,7 +92,8 @@ def measure_rest(frames, circuit: Circuit) -> Rest:
     usual = circuit.populated & ~mask_of(noisy, circuit.shape)
     noise = float(np.median(spread[usual]))
     adc = np.where(usual, np.nanmean(frames, axis=0), middle)
-    conductance = resting_conductance(adc, circuit, noise / len(frames) ** 0.5, noisy)
+    read = np.maximum(adc, HALF_STEP / circuit.full_scale)
+    conductance = resting_conductance(read, circuit, noise / len(frames) ** 0.5, noisy)
     return Rest(adc, noise, len(frames), conductance, noisy)
 
 
@@ -137,7 +139,7 @@ def _noisy_cells(off: np.ndarray, middle: np.ndarray, circuit: Circuit) -> tuple
     What touches moves the readings of its rows and columns as well. So does a cell that loses its
     contact, but it never conducts more than usual.
     """
-    drift = _drift(off) / np.maximum(middle * circuit.full_scale, 1.0)
+    drift = _drift(off) / np.maximum(middle * circuit.full_scale, HALF_STEP / _COMMON)
     if abs(common := float(np.median(drift[circuit.populated]))) > _COMMON:
         raise ValueError(
             f"all readings drift by {common:+.0%} in these frames: does something touch the skin, "

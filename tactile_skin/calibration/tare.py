@@ -23,8 +23,8 @@ from ..physics.curve import PressureCurve
 from ..physics.readouts import apparent
 from ..solvers.reading import FEW, MAX_NOISE, SCAN_NOISE, rest_reading
 from ..solvers.suspect import BEYOND
-from .at_rest import LEAST_STEPS, odd_cell, one_voltage, weak_line, which_are_one
-from .rest import resting_conductance
+from .at_rest import LEAST_STEPS, is_open, odd_cell, one_voltage, weak_line, which_are_one
+from .rest import HALF_STEP, resting_conductance
 from .touched import AT_REST, TOUCHED
 
 # Conductance of the usual cell over the curve's at rest, between which any fabric may lie: chosen,
@@ -33,8 +33,6 @@ from .touched import AT_REST, TOUCHED
 _LOWEST_LEVEL = 0.1
 _HIGHEST_LEVEL = 3.0
 _COVER = 6.0
-_OPENS = 0.01  # ADC ratio below which readings are about 0: to miss it hides 1 % of the range
-_HALF_STEP = 0.5  # ADC steps that a reading of 0 may stand for
 # Share by which a reading may move between the halves of a measurement and after it, beside its
 # noise; share of the cells that may move more, with a bad contact.
 _STILL_SHARE = 0.01
@@ -82,8 +80,7 @@ class Tare:
         self._circuit = circuit
         self._few = max(1.0, _RESTLESS * np.count_nonzero(circuit.populated))  # odd cells
         at_rest = curve.points[0][1]
-        reads = np.median(rest_reading(circuit, curve.usual)[circuit.populated])
-        self.opens = bool(reads < max(LEAST_STEPS / circuit.full_scale, _OPENS))
+        self.opens = is_open(circuit, curve)
         self._max_factor = at_rest / float(curve.resistance(AT_REST))  # as a factor of conductance
         self._last = -np.inf  # s, when the last frame was read
         self._restless = 0  # measurements in a row whose parts differed
@@ -170,7 +167,7 @@ class Tare:
         found = self._one_voltage(window)
         self.unseen = found is not None and found.stops
         # below half a step rounding leaves no reading
-        zero = self._circuit.populated & (window.mean * full < _HALF_STEP)
+        zero = self._circuit.populated & (window.mean * full < HALF_STEP)
         zero &= ~(zero.all(1)[:, None] | zero.all(0))  # such a line is not connected
         if np.count_nonzero(zero) > self._few and not self.opens:
             numbers = {"count": np.count_nonzero(zero)}
@@ -245,7 +242,7 @@ class Tare:
             return False
         cells, at_rest = self._circuit.populated, self.curve.points[0][1]
         try:
-            read = np.maximum(adc, _HALF_STEP / full) if self.opens else adc
+            read = np.maximum(adc, HALF_STEP / full) if self.opens else adc
             now = resting_conductance(read, self._circuit, noise)
             now = np.where(cells, now, 1.0 / at_rest)
         except ValueError as error:
@@ -260,7 +257,7 @@ class Tare:
             numbers = {"ohm": at_rest / level, "expected": at_rest, "force": bears}
             self.found = Finding(Kind.FABRIC, numbers=numbers)
         else:
-            odd = odd_cell(now, cells, fabric)
+            odd = odd_cell(now, cells, fabric, 1.0 / (full * np.median(read[cells])))
             weak = None if self.opens else weak_line(np.log(now * at_rest), cells, first=True)
             self.found, noted = (odd, noted) if odd and odd.stops else (weak, noted or odd)
         if self.found:

@@ -87,7 +87,7 @@ def run(args) -> int:
     if "rest" in given:
         at_rest = _ratio(given["rest"], adc, given.get("full_scale"), namespace)
         rest = measure_rest(at_rest, circuit)
-    found += diagnose(frames, circuit, rest, inverted=adc.inverted)
+    found += diagnose(frames, circuit, rest, inverted=adc.inverted, curve=skin.curve)
     print(f"{len(frames)} frames of {circuit.rows} x {circuit.cols}")
     print(picture(found, circuit))
     for finding in found:

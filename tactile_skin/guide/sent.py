@@ -5,13 +5,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..calibration.rest import check_all_is_sent
+from ..calibration.at_rest import is_open
+from ..calibration.rest import HALF_STEP, check_all_is_sent
 from ..health.doctor.usable import DECIMALS
 from ..middleware.config import SkinConfig
 from ..readings.processed import Kind, processed
 
 GLANCE = 0.5  # s of frames that show it
-_UNRESOLVED = 0.5  # ADC steps: below, a reading says nothing of what the cell conducts
 
 
 def check_sent(skin: SkinConfig, rest: np.ndarray, touches: np.ndarray | None = None) -> None:
@@ -28,12 +28,16 @@ def check_sent(skin: SkinConfig, rest: np.ndarray, touches: np.ndarray | None = 
     threshold, circuit = skin.adc.threshold(skin.threshold), skin.circuit
     check_all_is_sent(rest, circuit, threshold, skin.threshold)
     steps = np.round((rest if touches is None else touches) * circuit.full_scale, DECIMALS)
-    done = processed(np.where(circuit.populated, steps, np.nan), circuit.adc_bits, skin.threshold)
+    steps = np.where(circuit.populated, steps, np.nan)
+    opens = is_open(circuit, skin.curve)
+    done = processed(steps, circuit.adc_bits, skin.threshold, opens=opens)
     if done and done.kind is not Kind.CEILING:
         raise ValueError(f"{done}. Send what the ADC reads")
     usual = np.nanmedian(np.nanmean(rest, axis=0)[circuit.populated]) * circuit.full_scale
-    if usual < _UNRESOLVED:
+    if usual < HALF_STEP and not opens:
         raise ValueError(
             f"untouched cells read {usual:.2g} ADC steps: an offset or a threshold is taken off, "
-            "or r_ref is too small for this fabric. Send what the ADC reads"
+            "r_ref is too small for this fabric, or it is open until it is touched. Send what the "
+            "ADC reads; of a sheet that is open, begin its curve so: curve.resistance: "
+            "[10000000.0, ...]"
         )

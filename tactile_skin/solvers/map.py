@@ -70,6 +70,9 @@ def map_estimate(reading: Reading, start: Estimate | None = None) -> Estimate:
     if warm and estimate.status != "ok" and not reading.late():
         again = _fit(reading, first_guess(reading))
         estimate = estimate if again.status == "failed" else again
+    if _is_lighter(reading, estimate):
+        finding = Finding(Kind.MISFIT, suspect.LIGHTER)
+        return replace(estimate, message=str(finding), finding=finding)
     # without cross-talk cells of any other circuit would fit as well
     if estimate.status == "suspect" and reading.circuit.has_cross_talk and not reading.late():
         if not reading.noise_given:
@@ -161,21 +164,21 @@ def _fit(
     residual = reading.residual(adc)
     finding = suspect.by_reading(reading)
     finding = finding or suspect.by_residual(reading, point.model.adc, ROUNDING_NOISE)
-    if finding and finding.kind is Kind.MISFIT and _is_lighter(reading, point):
-        finding = Finding(Kind.MISFIT, suspect.LIGHTER)
     failure = "" if converged else suspect.no_convergence(reading, iterations)
     failure += "" if step.solved else ": the step exceeds single precision"
     said = (*suspect.status_of(finding, failure), "map", steps + iterations, reading.noise)
     return Estimate(force, std, residual, *said, finding=finding)
 
 
-def _is_lighter(reading: Reading, point: Point) -> bool:
-    """Whether the readings are those of cells that conduct less than at rest, but `_LIGHTEST`."""
-    (free,) = reading.circuit.populated.ravel().nonzero()
-    if free.size > _DENSE:
+def _is_lighter(reading: Reading, estimate: Estimate) -> bool:
+    """Whether a misfit is that of cells that conduct less than at rest, but `_LIGHTEST` of it."""
+    finding, (free,) = estimate.finding, reading.circuit.populated.ravel().nonzero()
+    misses = isinstance(finding, Finding) and "times" in finding.numbers
+    if not misses or free.size > _DENSE or reading.late():
         return False
+    reading = reading if reading.noise_given else reading.with_noise(float(estimate.noise))
     low, high = (bound.ravel()[free] for bound in reading.bounds)
-    g = point.model.g.copy()
+    g = reading.circuit.populated / reading.curve.resistance(estimate.force)
     for _ in range(_LIGHTER_STEPS):
         here = g.ravel()[free]
         model = reading.linearised(g, reading.fitted_noise)

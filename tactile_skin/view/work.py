@@ -273,7 +273,7 @@ class Work:
         self._say(f"{first}{len(frames)} readings: looking ...")
         threshold = skin.adc.threshold(skin.threshold)
         check_all_is_sent(frames, skin.circuit, threshold, skin.threshold)
-        found = diagnose(frames, skin.circuit, inverted=skin.adc.inverted)
+        found = diagnose(frames, skin.circuit, inverted=skin.adc.inverted, curve=skin.curve)
         self._findings = [
             {"text": str(f), "rows": list(map(int, f.rows)), "cols": list(map(int, f.cols))}
             for f in found

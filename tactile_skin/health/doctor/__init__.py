@@ -21,9 +21,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...calibration.at_rest import LEAST_STEPS, is_open
 from ...calibration.rest import REST_SPAN, Rest, usual_resistance
 from ...findings.finding import Finding, Kind, lines, whole_lines
 from ...physics.circuit import Circuit
+from ...physics.curve import PressureCurve
 from ...physics.readouts import DRIVEN
 from ...solvers.reading import ROUNDING_NOISE
 from . import order, readings, readout, usable, wiring
@@ -44,6 +46,7 @@ def diagnose(
     *,
     series: bool = True,
     inverted: bool = False,
+    curve: PressureCurve | None = None,
 ) -> list[Finding]:
     """Find what is wrong with a board.
 
@@ -55,6 +58,7 @@ def diagnose(
         rest: `measure_rest` of the same board; None: from the frames in which nothing touches.
         series: whether to ask for r_par, r_ref and supply, which takes most of the time.
         inverted: whether the frames are 1 minus what the board reads, as it is configured.
+        curve: of the fabric, which says whether untouched cells conduct; None: they do.
 
     Returns:
         The faults, an empty list for a sound board. Readings upside down, another readout than the
@@ -66,8 +70,13 @@ def diagnose(
     """
     frames = np.asarray(frames)
     seen = record(frames, circuit, rest)
-    if finding := usable.processed(seen):
+    opens = curve is not None and is_open(circuit, curve)
+    if finding := usable.processed(seen, opens):
         return [finding]
+    calm = np.quantile(seen.steps[:, seen.cells], usable.AT_END, axis=0)
+    if opens and np.median(calm) < LEAST_STEPS:
+        top = readings.ceiling(seen)
+        return readings.wrong_bits(seen, top) or list(top[1:] if top else ())
     finding = usable.unrested(seen) if rest is None else None
     wrong = usable.at_an_end(seen) or readings.wrong_bits(seen, readings.ceiling(seen))
     if finding and not wrong:

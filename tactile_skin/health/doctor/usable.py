@@ -29,13 +29,17 @@ _PIECE = 4
 _OF_A_LINE = 0.9
 
 
-def processed(seen: Recorded) -> Finding | None:
-    """Return what was done to the readings, whatever polarity is configured; None: none shows."""
+def processed(seen: Recorded, opens: bool) -> Finding | None:
+    """Return what was done to the readings, whatever polarity is configured; None: none shows.
+
+    opens: whether untouched cells read about 0 by the curve.
+    """
     cells = seen.steps[:, seen.cells].astype(float)
     for steps in (cells, seen.circuit.full_scale - cells):
         # a threshold, below which a reading is what an offset makes of 0
         for shift, kinds in ((0.0, set(Done) - {Done.CEILING}), (steps.min(), {Done.THRESHOLD})):
-            done = processing(np.round(steps - shift, DECIMALS), seen.circuit.adc_bits)
+            values = np.round(steps - shift, DECIMALS)
+            done = processing(values, seen.circuit.adc_bits, opens=opens)
             if done and done.kind in kinds:
                 return Finding(Kind.ZEROS, detail=str(done))
     enough = len(seen.touches) >= FEW_TOUCHES  # of few numbers chance gives some a rhythm
