@@ -23,6 +23,8 @@ from .terminal import is_simulated
 
 _TIMEOUT = 0.05  # s that a read waits for a byte
 _LENT = 2.0  # s in which another program may open a port that is lent to it
+_LONGEST_BOOT = 30.0  # s that a board may need after its port was opened: Wi-Fi, self-calibration
+_SLOWER = 1.5  # times what it took to its first frame last time
 _EARLY = 1.0  # s of bytes without a frame after which the message says what they are, if known
 _ASK_AGAIN = 0.5  # s without an answer after which a board is asked again
 _IN_USE = "is in use by another program (two programs cannot read one board)"
@@ -141,7 +143,9 @@ class SerialReader:
         on_frame: takes each frame, in the reader's thread.
         say: takes a line of text whenever the connection comes or goes. What it raises is reported
             on stderr, and ends nothing.
-        watchdog: seconds without a frame after which the port is opened anew.
+        watchdog: seconds without a frame after which the port is opened anew. A board may restart
+            whenever it is opened: after an opening it has the time that it took before, and twice
+            as long after each that gave no frame, up to 30 s.
         wait: seconds in which a port that is not there yet is not reported.
         refuse: says why a frame is not of the board that is looked for; empty if it is.
         serial_number: of the USB board that "auto" looks for, or its socket; empty: any.
@@ -172,6 +176,7 @@ class SerialReader:
         self._refuse, self._serial_number = refuse, serial_number
         self._line = contextlib.nullcontext(line) if line else None
         self._board: tuple | None = None  # identity of the board that "auto" found
+        self._patience: dict[str, float] = {}  # port -> s that its board has after an opening
         self._reported: dict[str, str] = {}  # port -> why it gave no frame, since one last did
         self._seen = "", ""  # why there is no frame, and what arrived when that was new
         self._lent_until = -math.inf  # monotonic [s], until when it stays closed
@@ -244,8 +249,9 @@ class SerialReader:
         self.parser.counters = counters
         self.simulated, self._lent = is_simulated(port), False
         port.reset_input_buffer()
-        last_frame, heard, look_at = time.monotonic(), 0, 1
-        asked = -math.inf
+        opened = last_frame = time.monotonic()
+        heard, look_at, asked = 0, 1, -math.inf
+        patience = max(self._patience.get(port.name, 0.0), self.watchdog)
         while not (self._stop.is_set() or self._away):
             if self.parser.request and time.monotonic() - asked > _ASK_AGAIN:
                 port.write(self.parser.request)
@@ -262,23 +268,27 @@ class SerialReader:
                         self._lost(f"{port.name}: {why}", port.name)
                         return
                     self._found(port.name or port.portstr)
+                    took = _SLOWER * (last_frame - opened)
+                    self._patience[port.name], patience = took, self.watchdog
                 for frame in frames:
                     self._on_frame(frame)
                 continue
             silence = time.monotonic() - last_frame
-            if silence > self.watchdog:
-                self._lost(self._unusable(port, heard), port.name)
+            if silence > patience:
+                self._lost(self._unusable(port, heard, patience), port.name)
+                if last_frame == opened and len(self._ports()) == 1:  # others wait for their turn
+                    self._patience[port.name] = min(2.0 * patience, max(patience, _LONGEST_BOOT))
                 return
             early = silence > _EARLY and self.connected_to is None and self.port != "auto"
             if early and heard >= look_at:  # to look costs more than to read: seldom
                 look_at = 2 * heard
                 if why := explain(self.parser):
-                    self._lost(self._unusable(port, heard, why), port.name)
+                    self._lost(self._unusable(port, heard, patience, why), port.name)
 
-    def _unusable(self, port, heard: int, why: str = "") -> str:
+    def _unusable(self, port, heard: int, patience: float, why: str = "") -> str:
         """Why there is no frame, in a text that stays the same while the cause does."""
         if not heard:
-            return f"{port.name}: no bytes for {self.watchdog:g} s, reopening it"
+            return f"{port.name}: no bytes for {patience:g} s, reopening it"
         why = why or explain(self.parser) or "check serial_driver.baud and serial_driver.protocol"
         if why != self._seen[0]:
             self._seen = why, sample(self.parser)

@@ -214,6 +214,36 @@ def test_a_silent_port_is_opened_anew(silent_port, heard, reading):
     assert reader.reconnects == -1
 
 
+class Restarting:
+    """A port whose board begins anew when it is opened, and takes its time; as of pyserial."""
+
+    openings = 0
+    name = portstr = "/dev/board"
+    in_waiting = 1
+
+    def __init__(self, boot: float):
+        self._sends, self._board = time.monotonic() + boot, make_board()
+        Restarting.openings += 1
+
+    def reset_input_buffer(self): ...
+
+    def read(self, _):
+        time.sleep(0.005)
+        return self._board.scan() if time.monotonic() > self._sends else b""
+
+
+@pytest.mark.parametrize("boot", [0.05, 0.5])
+def test_a_board_that_restarts_as_it_is_opened_is_waited_for(boot, monkeypatch, heard, reading):
+    """It was opened, and so restarted, after each watchdog, for ever."""
+    Restarting.openings = 0
+    opened = lambda name, baud: contextlib.nullcontext(Restarting(boot))  # noqa: E731
+    monkeypatch.setattr(serial_port, "_opened", opened)
+    monkeypatch.setattr(serial_port, "is_simulated", lambda port: False)
+    reading("/dev/board", watchdog=0.1)
+    heard.wait_for_frames()
+    assert Restarting.openings <= 4
+
+
 def test_garbage_is_silence_to_the_watchdog(line, heard, reading):
     """A port that sends, but no frame, is no board."""
     reading(line[2], watchdog=0.02)
