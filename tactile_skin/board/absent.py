@@ -37,6 +37,7 @@ class Absent:
     def __init__(self, named: np.ndarray, populated: np.ndarray):
         self._named, self._populated = named, populated
         self._zero = populated & ~named  # always, so far
+        self._reads = populated.copy()  # bool, crossings that never read 0
         self._looking = True  # whether any of these is left
         self._frames = 0
 
@@ -47,6 +48,7 @@ class Absent:
         unnamed = np.zeros(self._named.shape, bool) if unread is None else unread & ~self._named
         self._frames += 1
         self._zero &= (samples == 0) & ~unnamed
+        self._reads &= samples != 0
         self._looking = bool(self._zero.any())
         if unnamed.any():
             for name, axis in (("row", 1), ("column", 0)):
@@ -62,8 +64,9 @@ class Absent:
         if self._frames < _FRAMES:
             silent = unnamed
         else:
-            zero = self._zero
-            alone = (~zero).any(1)[:, None] & (~zero).any(0) & (zero.mean() < _FEW)
+            zero, reads = self._zero, self._reads
+            beside = np.outer(reads.any(1), reads.any(0))
+            alone = beside & (zero.mean() < _FEW)
             silent = unnamed | (zero & alone)
         silent &= self._populated
         if not silent.any():

@@ -70,7 +70,10 @@ class Processed(NamedTuple):
         if self.kind is Kind.THRESHOLD:
             seen += f", and none lies between that and {self.level:g}: a threshold"
         else:
-            seen += ": an offset or a threshold is taken off, or the ADC reads nothing so low"
+            seen += (
+                ": an offset or a threshold is taken off, the ADC reads nothing so low, or the "
+                "sheet is open until it is touched, and its curve is not"
+            )
         return "these are not ADC readings: " + ", ".join(filter(None, [top, seen]))
 
 
