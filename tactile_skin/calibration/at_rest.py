@@ -204,7 +204,7 @@ def odd_cell(
 
 
 def _lies(times: np.ndarray, cells: np.ndarray, curve: PressureCurve, usual: float) -> bool:
-    """Whether cells beside one another conduct more by what a light touch adds, and more alike.
+    """Whether neighbouring cells conduct more by what a light touch adds, and more alike.
 
     What lies on a skin does so; cells of an uneven fabric differ from those on both sides, too.
     """
@@ -217,8 +217,8 @@ def _lies(times: np.ndarray, cells: np.ndarray, curve: PressureCurve, usual: flo
         for turned, none in zip((change, change.T), beside, strict=True)
     ]
     scatter = float(np.median(np.abs(np.concatenate(bends)))) / (MAD * 6**0.5)
-    whole = uniform_filter(cells.astype(float), _PATCH)
-    patch = uniform_filter(change * cells, _PATCH) / np.maximum(whole, 1e-9)
+    share = uniform_filter(cells.astype(float), _PATCH)
+    patch = uniform_filter(change * cells, _PATCH) / np.maximum(share, 1e-9)
     least = float(np.quantile(change[cells], _CALMEST)) + _QUARTILE * scatter
     at_rest = float(curve.force(np.exp(-least) / usual))
     touch = np.log(curve.resistance(at_rest) / curve.resistance(at_rest + AT_REST))

@@ -8,7 +8,7 @@ import pytest
 from support.lab.board import KNOTS, FaultBoard, Sent
 
 from benchmarks.accept import __main__ as accept
-from benchmarks.accept import boards, presses
+from benchmarks.accept import boards, presses, rests
 from benchmarks.accept.lines import LINES, Asked, Figure
 from benchmarks.faults.reliability import Record
 from tactile_skin import Circuit, PressureCurve
@@ -94,3 +94,20 @@ def test_the_smallest_version_of_a_line_runs(name, capsys, monkeypatch):
     said = capsys.readouterr().out
     assert found[name] and set(found[name]) <= {each.name for each in asked}
     assert all(f"| {name} | {figure} |" in said for figure in found[name])
+
+
+@pytest.mark.parametrize(
+    ("kind", "wired"),
+    [
+        ("open at rest", "grounded"),
+        ("below a step", "floating"),
+        ("signed", "virtual_ground"),
+        ("uneven", "floating"),
+        ("shaking cover", "loaded"),
+    ],
+)
+def test_a_sound_skin_unlike_an_even_fabric_is_free_and_feels_what_presses(kind, wired):
+    found = rests.run(kind, wired, 0, 7)
+    assert found["at once"] and found["fault"] <= 0.02 * found["idle"], found["said"]
+    assert found["free"] == found["missed"] == 0
+    assert found["ratios"] == pytest.approx([1.0, 1.0], abs=0.07)

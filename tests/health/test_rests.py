@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from health.seen import seen
 
-from benchmarks.accept import rests
 from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.board.text import TextParser
 from tactile_skin.calibration.at_rest import odd_cell
@@ -18,23 +17,6 @@ from tactile_skin.solvers.suspect import LIGHTER
 CURVE = PressureCurve()
 CELLS = np.ones((8, 8), bool)
 SPREAD = np.random.default_rng(2).standard_normal((8, 8))
-
-
-@pytest.mark.parametrize(
-    ("kind", "wired"),
-    [
-        ("open at rest", "grounded"),
-        ("below a step", "floating"),
-        ("signed", "virtual_ground"),
-        ("uneven", "floating"),
-        ("shaking cover", "loaded"),
-    ],
-)
-def test_it_is_free_and_feels_what_presses(kind, wired):
-    found = rests.run(kind, wired, 0, 7)
-    assert found["at once"] and found["fault"] <= 0.02 * found["idle"], found["said"]
-    assert found["free"] == found["missed"] == 0
-    assert found["ratios"] == pytest.approx([1.0, 1.0], abs=0.07)
 
 
 @pytest.mark.parametrize("spread", [0.1, 0.5, 1.0])
