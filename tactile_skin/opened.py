@@ -25,7 +25,7 @@ from .board.serial_port import PORT_ERRORS, candidates, nothing_found, open_port
 from .board.terminal import is_simulated
 from .errors import FileError
 from .middleware.bus import Context, Node
-from .middleware.config import adc_of, circuit_of, declared, geometry_of
+from .middleware.config import adc_of, circuit_of, declared, geometry_of, part_of
 from .middleware.package import COMPOSED, SKIN_NODES
 from .middleware.parameter_file import ParameterFile
 from .nodes.compensation import skin_of
@@ -67,7 +67,8 @@ class Opened:
         adc = adc_of(found.circuit, circuit)
         self._port_name, self._baud = port, driver.baud
         self._serial_number = driver.serial_number
-        layout = circuit.rows, circuit.cols, circuit.adc_bits
+        self._part = part_of(found.circuit)
+        layout = *self._part.shape, circuit.adc_bits
         form = make_format(driver.protocol, dataclasses.asdict(driver.format))
         self._parser = make_parser(driver.protocol, *layout, form)
         self._admission = Admission(adc, driver.frozen_after)
@@ -156,7 +157,7 @@ class Opened:
                     asked = time.monotonic()
                 wanted = max(self._parser.wanted, self._port.in_waiting, 1)
                 if frames := self._parser.feed(self._port.read(wanted)):
-                    return frames
+                    return [frame.part(self._part.rows, self._part.cols) for frame in frames]
         except PORT_ERRORS as error:
             self._policy.fault(_BOARD, "is gone")
             raise ConnectionError(why_not(self._port_name, error)) from error

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -25,6 +25,11 @@ class Frame:
     # (rows, cols) bool, crossings that the board says it did not read, whose samples are 0; None:
     # it read all of them
     unread: np.ndarray | None = None
+
+    def part(self, rows: slice, cols: slice) -> Frame:
+        """Return these rows and columns of it."""
+        unread = None if self.unread is None else self.unread[rows, cols]
+        return replace(self, samples=self.samples[rows, cols], unread=unread)
 
 
 @dataclass

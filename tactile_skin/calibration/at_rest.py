@@ -38,6 +38,7 @@ _MOST_DEVIATIONS = 6.0
 # N a cell that cells bear on average, over the usual one, as their conductance scatters: by a log
 # of 1 about it they bear 0.02 by the shipped curve. A hand bears more.
 _UNEVEN = 0.03
+NO_REST = "rest"  # form of what keeps the rest from being measured
 _PATCH = 3  # cells along each side that are looked at together
 _CALMEST = 0.25  # of the cells, which nothing touches
 _QUARTILE = -ndtri(_CALMEST)  # standard deviations that the quartile of normal ones lies off
@@ -169,7 +170,9 @@ def is_open(circuit: Circuit, curve: PressureCurve) -> bool:
 def odd_cell(
     conducts: np.ndarray, cells: np.ndarray, curve: PressureCurve, step: float = 0.0
 ) -> Finding | None:
-    """Return a cell that bears a load or has no contact, a fault; or one that only conducts more.
+    """Return a cell that bears a load or has no contact, or one that only conducts more.
+
+    The form of the first two is `NO_REST`.
 
     Args:
         conducts: (rows, cols) of each cell [S].
@@ -192,14 +195,12 @@ def odd_cell(
     ):
         most = bears.argmax()
         numbers = {"times": times.flat[most], "force": bears.flat[most]}
-        return Finding(
-            Kind.STUCK, "rest", severity=Severity.FAULT, **largest(bears), numbers=numbers
-        )
+        return Finding(Kind.STUCK, NO_REST, **largest(bears), numbers=numbers)
     if not unlike.any():
         return None
     numbers = {"times": times.flat[off.argmax()]}
     if numbers["times"] < 1.0:
-        return Finding(Kind.DEAD, "rest", severity=Severity.FAULT, **largest(off), numbers=numbers)
+        return Finding(Kind.DEAD, NO_REST, **largest(off), numbers=numbers)
     return Finding(Kind.STUCK, "unlike", **largest(off), numbers=numbers)
 
 

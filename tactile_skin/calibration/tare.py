@@ -23,7 +23,7 @@ from ..physics.curve import PressureCurve
 from ..physics.readouts import apparent
 from ..solvers.reading import FEW, MAX_NOISE, SCAN_NOISE, rest_reading
 from ..solvers.suspect import BEYOND
-from .at_rest import LEAST_STEPS, is_open, odd_cell, one_voltage, weak_line, which_are_one
+from .at_rest import LEAST_STEPS, NO_REST, is_open, odd_cell, one_voltage, weak_line, which_are_one
 from .rest import HALF_STEP, resting_conductance
 from .touched import AT_REST, TOUCHED
 
@@ -259,7 +259,9 @@ class Tare:
         else:
             odd = odd_cell(now, cells, fabric, 1.0 / (full * np.median(read[cells])))
             weak = None if self.opens else weak_line(np.log(now * at_rest), cells, first=True)
-            self.found, noted = (odd, noted) if odd and odd.stops else (weak, noted or odd)
+            self.found, noted = (
+                (odd, noted) if odd and odd.form == NO_REST else (weak, noted or odd)
+            )
         if self.found:
             return False
         self.measured, self.noted = True, noted
@@ -272,7 +274,7 @@ class Tare:
             risen = np.where(cells, risen / np.median(risen[cells]), 0.0)
             if risen.max() > self._max_factor:  # a light touch that stands
                 numbers = {"times": risen.max(), "force": AT_REST}
-                self.found = Finding(Kind.STUCK, "rest", **largest(risen), numbers=numbers)
+                self.found = Finding(Kind.STUCK, NO_REST, **largest(risen), numbers=numbers)
             common = float(np.median(np.log(now / before)[cells]))
             if abs(common) > _MAX_STEP + _MAX_DRIFT * (self._last - self._learned):
                 numbers = {"share": float(np.expm1(common))}

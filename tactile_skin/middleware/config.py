@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import datetime
 from dataclasses import asdict, fields
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -122,7 +122,33 @@ def circuit_of(given: shared.Circuit) -> Circuit:
             "nothing tells a broken wire from a cell that nothing touches"
         )
     named = {field.name: getattr(given, field.name) for field in fields(Circuit) if field.init}
-    return Circuit(**named | {"mask": mask_of(given.mask)})
+    part, mask = part_of(given), mask_of(given.mask)
+    if mask is not None and mask.shape == part.shape:
+        mask = mask[part.rows, part.cols]
+        named["rows"], named["cols"] = mask.shape
+    return Circuit(**named | {"mask": mask})
+
+
+class Part(NamedTuple):
+    """The part of a board's frames that is the mat: a smaller mat leaves lines at the edges open.
+
+    Attributes:
+        shape: of a frame.
+        rows, cols: of it.
+    """
+
+    shape: tuple[int, int]
+    rows: slice
+    cols: slice
+
+
+def part_of(given: shared.Circuit) -> Part:
+    """Return where ``circuit.mask`` has cells: all of the frame, but for lines at its edges."""
+    shape, mask = (given.rows, given.cols), mask_of(given.mask)
+    if mask is None or mask.shape != shape or not mask.any():
+        return Part(shape, slice(shape[0]), slice(shape[1]))
+    ends = (np.flatnonzero(mask.any(axis))[[0, -1]].tolist() for axis in (1, 0))
+    return Part(shape, *(slice(first, last + 1) for first, last in ends))
 
 
 @concerning("circuit")
@@ -135,12 +161,15 @@ def adc_of(given: shared.Circuit, circuit: Circuit | None = None) -> Adc:
     Raises:
         ValueError: values that do not go together.
     """
+    part, scanned = part_of(given), mask_of(given.scanned, "scanned")
+    if scanned is not None and scanned.shape == part.shape:
+        scanned = scanned[part.rows, part.cols]
     return Adc(
         circuit or circuit_of(given),
         given.adc_offset,
         given.adc_full_scale,
         given.inverted,
-        mask_of(given.scanned, "scanned"),
+        scanned,
         given.diode,
         given.supply,
         given.adc_table or None,

@@ -14,7 +14,7 @@ from ..board.recognise import explain
 from ..board.serial_port import SerialReader, check_port
 from ..errors import concerning
 from ..middleware.bus import Time
-from ..middleware.config import adc_of, circuit_of, declared
+from ..middleware.config import adc_of, circuit_of, declared, part_of
 from ..msg import Header, Image, Trigger, image
 from ..parameters.nodes import SerialDriver as Parameters
 from . import diagnostics
@@ -41,7 +41,8 @@ class SerialDriver:
         self._admission = Admission(adc_of(given.circuit, self.circuit), given.frozen_after)
         self._connection = -1  # that it knows
         self.frame_id = given.frame_id
-        size = (self.circuit.rows, self.circuit.cols, self.circuit.adc_bits)
+        self._part = part_of(given.circuit)
+        size = (*self._part.shape, self.circuit.adc_bits)
         with concerning("format", "protocol"):  # what is wrong is an error now
             fmt = make_format(given.protocol, dataclasses.asdict(given.format))
         self._stamp = 0  # ns, of the last frame
@@ -63,7 +64,7 @@ class SerialDriver:
             self._on_link,
             given.watchdog,
             given.wait_for_port,
-            self._admission.refuse,
+            lambda frame: self._admission.refuse(frame.part(self._part.rows, self._part.cols)),
             given.serial_number,
         )
         node.create_service(Trigger, "~/lend", self.on_lend)
@@ -88,6 +89,7 @@ class SerialDriver:
         if reader.reconnects != self._connection:
             self._connection = reader.reconnects
             self._admission.connect(restarts)
+        frame = frame.part(self._part.rows, self._part.cols)
         samples = self._admission.frame(self._monotonic(), frame, restarts)
         if before != self._admission.trouble:
             self._report()  # a stop need not wait for the next second

@@ -66,7 +66,9 @@ class Circuit:
     adc_bits: int = parameter(
         _Circuit.adc_bits, "", "resolution of a reading; full scale is 2^adc_bits - 1", 4, 16
     )
-    mask: str = parameter("", "", "cells that exist: a word of 0 and 1 per row; empty: all cells")
+    mask: str = parameter(
+        "", "", "cells that exist: a word of 0 and 1 per row; edges may be empty; empty: all cells"
+    )
     scanned: str = parameter("", "", "crossings that the board reads, in the same form; empty: all")
     adc_offset: float = parameter(
         0.0, "ADC steps", "what the ADC reads too low; negative: too high", -65535.0, 65535.0

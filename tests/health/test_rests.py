@@ -7,7 +7,7 @@ from health.seen import seen
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.board.text import TextParser
-from tactile_skin.calibration.at_rest import odd_cell
+from tactile_skin.calibration.at_rest import NO_REST, odd_cell
 from tactile_skin.findings.finding import Kind
 from tactile_skin.health.monitor import Monitor
 from tactile_skin.physics.adc import Adc
@@ -23,7 +23,7 @@ SPREAD = np.random.default_rng(2).standard_normal((8, 8))
 def test_cells_that_scatter_are_at_rest(spread):
     conducts = np.exp(spread * SPREAD) / CURVE.rest_resistance
     found = odd_cell(conducts, CELLS, CURVE)
-    assert found is None or not found.stops
+    assert found is None or found.form != NO_REST
 
 
 @pytest.mark.parametrize("spread", [0.03, 0.3])
@@ -32,14 +32,14 @@ def test_a_cell_that_bears_a_load_is_not(spread, newtons, stops):
     conducts = np.exp(spread * SPREAD) / CURVE.rest_resistance
     conducts[3, 4] = 1.0 / CURVE.resistance(newtons)
     found = odd_cell(conducts, CELLS, CURVE)
-    assert (found is not None and found.stops) is stops
+    assert (found is not None and found.form == NO_REST) is stops
     if stops:
         assert (found.kind, found.rows, found.cols) == (Kind.STUCK, (3,), (4,))
 
 
 def test_a_load_on_many_cells_is_none():
     bears = np.where(np.arange(8) < 3, 0.15, 0.0) * CELLS
-    assert odd_cell(1.0 / CURVE.resistance(bears), CELLS, CURVE).stops
+    assert odd_cell(1.0 / CURVE.resistance(bears), CELLS, CURVE).form == NO_REST
 
 
 @pytest.mark.parametrize("opens", [True, False])
