@@ -26,8 +26,10 @@ class Frame:
     # it read all of them
     unread: np.ndarray | None = None
 
-    def part(self, rows: slice, cols: slice) -> Frame:
-        """Return these rows and columns of it."""
+    def part(self, shape: tuple[int, int], rows: slice, cols: slice) -> Frame:
+        """Return these rows and columns of a frame of this shape; any other as it is."""
+        if self.samples.shape != shape:
+            return self
         unread = None if self.unread is None else self.unread[rows, cols]
         return replace(self, samples=self.samples[rows, cols], unread=unread)
 

@@ -64,7 +64,7 @@ class SerialDriver:
             self._on_link,
             given.watchdog,
             given.wait_for_port,
-            lambda frame: self._admission.refuse(frame.part(self._part.rows, self._part.cols)),
+            lambda frame: self._admission.refuse(frame.part(*self._part)),
             given.serial_number,
         )
         node.create_service(Trigger, "~/lend", self.on_lend)
@@ -89,7 +89,7 @@ class SerialDriver:
         if reader.reconnects != self._connection:
             self._connection = reader.reconnects
             self._admission.connect(restarts)
-        frame = frame.part(self._part.rows, self._part.cols)
+        frame = frame.part(*self._part)
         samples = self._admission.frame(self._monotonic(), frame, restarts)
         if before != self._admission.trouble:
             self._report()  # a stop need not wait for the next second

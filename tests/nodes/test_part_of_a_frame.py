@@ -22,7 +22,7 @@ def test_lines_without_a_cell_are_no_part_of_the_circuit():
 def test_a_frame_is_cut_to_it():
     part = part_of(Circuit(rows=4, cols=4, mask=EDGES))
     samples = np.arange(16, dtype=np.uint16).reshape(4, 4)
-    frame = Frame(samples, 10, 0, None, samples > 9).part(part.rows, part.cols)
+    frame = Frame(samples, 10, 0, None, samples > 9).part(*part)
     assert frame.samples.tolist() == [[5, 6, 7], [9, 10, 11]]
     assert frame.unread.tolist() == [[False] * 3, [False, True, True]]
 
