@@ -45,7 +45,7 @@ SAYS = {
     "read_config": ["16 x 16 cells, 18 mm apart", "hardest cell: row 8, column 8"],
     "record_frames": [" frames"],
     "replay_frames": [", 0 in doubt, sum of force 2", "p99"],
-    "stop_hook": ["motors run", "motors stand: push", "motors stand: the skin shuts down"],
+    "stop_hook": ["motors run", "motors stand: push", "the skin shuts down"],
     "subscribe_pressure": ["largest pressure of each cell"],
     "touch_events": ["pushed with ", "released after ", "stroked at "],
 }
