@@ -153,12 +153,14 @@ class Repeats:
         self._period = 0  # frames after which the present repetition comes again
         self._run, self._since = 0, math.inf
 
-    def frame(self, t: float, samples: np.ndarray) -> str:
+    def frame(self, t: float, samples: np.ndarray, full_scale: int) -> str:
         """Return what is wrong with the frame that arrived at t [s]; empty if nothing.
 
-        The text is the same for as long as the fault lasts: another one is another reason to stop.
+        Where all readings lie at an end of the scale, as of a sheet that is open at rest, they
+        repeat. The text is the same for as long as the fault lasts: another one is another reason
+        to stop.
         """
-        if not samples.any():  # as of a sheet that is open until it is touched
+        if not ((samples > 0) & (samples < full_scale)).any():  # no room for noise
             self._run, self._since = 0, t
             return ""
         key = hash(samples.tobytes())
@@ -301,9 +303,10 @@ class Liveness:
                 "is its supply or its plug loose?"
             )
         if self._repeats is not None:
+            full_scale = (1 << 16) - (1 << 16 - frame.adc_bits)
             if self._lines is None:
-                self._lines = StillLines(self._shape, (1 << 16) - (1 << 16 - frame.adc_bits))
-            repeats = self._repeats.frame(t, frame.samples)
+                self._lines = StillLines(self._shape, full_scale)
+            repeats = self._repeats.frame(t, frame.samples, full_scale)
             trouble = trouble or repeats or self._lines.frame(t, frame.samples)
             rows, cols = self._lines.rows, self._lines.cols
         return Verdict(lag, self._delay.settled, trouble, rows, cols)

@@ -23,7 +23,7 @@ from .touched import AT_REST, RESTS
 _CHANNELS = 0.2
 _CHANCE = 1e-4
 _LOW_PASS = 1.3
-_ABOUT_0 = 0.01  # ADC ratio: to miss it hides 1 % of the range
+_ABOUT_0 = 0.03  # ADC ratio: who misses it lacks 3 % of the range
 LEAST_STEPS = 3.0  # ADC steps below which the board may take something off
 # Share of what cells of such a fabric differ by, below which each reads as its zero is set.
 _EVEN = 0.25
@@ -160,11 +160,20 @@ def _fabric_spread(mean: np.ndarray, circuit: Circuit) -> float:
     return float(adc[cells].std()) * circuit.full_scale
 
 
-def is_open(circuit: Circuit, curve: PressureCurve) -> bool:
-    """Whether untouched cells of such a fabric read about 0: no zero shows an offset then."""
-    cells = circuit.populated
-    reads = forward(circuit, np.full(circuit.shape, curve.points[0][1]))[cells]
-    return bool(np.median(reads) < max(LEAST_STEPS / circuit.full_scale, _ABOUT_0))
+def open_up_to(circuit: Circuit, curve: PressureCurve, floor: float = 0.0) -> float:
+    """Return the ADC ratio of a cell that hardly anything touches, if the fabric may rest open.
+
+    It may where untouched cells read about 0 by the curve: no zero shows an offset then. 0: they
+    conduct, or the ADC hides a touch.
+
+    Args:
+        floor: ADC ratio below which the ADC reads 0.
+    """
+    reads = forward(circuit, np.full(circuit.shape, curve.points[0][1]))[circuit.populated]
+    if np.median(reads) >= max(LEAST_STEPS / circuit.full_scale, _ABOUT_0):
+        return 0.0
+    touched = float(circuit.ratio(float(curve.resistance(AT_REST))))
+    return touched if floor < touched else 0.0
 
 
 def odd_cell(
@@ -212,10 +221,9 @@ def _lies(times: np.ndarray, cells: np.ndarray, curve: PressureCurve, usual: flo
     if min(times.shape) < _PATCH:
         return False
     change = np.log(np.maximum(times, _OPEN))
-    beside = ~cells, ~cells.T
     bends = [
-        np.ma.array(np.diff(turned, 2, axis=0), mask=none[2:] | none[1:-1] | none[:-2]).compressed()
-        for turned, none in zip((change, change.T), beside, strict=True)
+        np.diff(turned, 2, axis=0)[there[2:] & there[1:-1] & there[:-2]]
+        for turned, there in ((change, cells), (change.T, cells.T))
     ]
     scatter = float(np.median(np.abs(np.concatenate(bends)))) / (MAD * 6**0.5)
     share = uniform_filter(cells.astype(float), _PATCH)

@@ -23,7 +23,15 @@ from ..physics.curve import PressureCurve
 from ..physics.readouts import apparent
 from ..solvers.reading import FEW, MAX_NOISE, SCAN_NOISE, rest_reading
 from ..solvers.suspect import BEYOND
-from .at_rest import LEAST_STEPS, NO_REST, is_open, odd_cell, one_voltage, weak_line, which_are_one
+from .at_rest import (
+    LEAST_STEPS,
+    NO_REST,
+    odd_cell,
+    one_voltage,
+    open_up_to,
+    weak_line,
+    which_are_one,
+)
 from .rest import HALF_STEP, resting_conductance
 from .touched import AT_REST, TOUCHED
 
@@ -67,10 +75,12 @@ class Tare:
         noise: RMS of a usual reading at rest [ADC steps]; None: not measured yet.
         noted: lines that are one, or a cell unlike the others, by the last measurement; None: there
             is none. The rest is followed all the same.
-        opens: whether untouched cells read about 0 by the curve.
+        opens: ADC ratio up to which nothing touches a skin that is open at rest; 0: it is none, by
+            the curve or by what it was found to read.
     """
 
-    def __init__(self, circuit: Circuit, curve: PressureCurve):
+    def __init__(self, circuit: Circuit, curve: PressureCurve, floor: float = 0.0):
+        """Follow the rest of a skin; floor: ADC ratio below which its ADC reads 0."""
         self.curve, self.measured, self.unseen = curve, False, True
         self.found: Finding | None = None
         self.noted: Finding | None = None
@@ -80,7 +90,7 @@ class Tare:
         self._circuit = circuit
         self._few = max(1.0, _RESTLESS * np.count_nonzero(circuit.populated))  # odd cells
         at_rest = curve.points[0][1]
-        self.opens = is_open(circuit, curve)
+        self.opens = open_up_to(circuit, curve, floor)
         self._max_factor = at_rest / float(curve.resistance(AT_REST))  # as a factor of conductance
         self._last = -np.inf  # s, when the last frame was read
         self._restless = 0  # measurements in a row whose parts differed
@@ -164,12 +174,13 @@ class Tare:
         if self.opens and np.median(window.mean[self._circuit.populated]) * full < LEAST_STEPS:
             self.unseen = False
             return not self.measured and self._learn(window.mean, window.noise)
+        self.opens = 0.0  # it conducts
         found = self._one_voltage(window)
         self.unseen = found is not None and found.stops
         # below half a step rounding leaves no reading
         zero = self._circuit.populated & (window.mean * full < HALF_STEP)
         zero &= ~(zero.all(1)[:, None] | zero.all(0))  # such a line is not connected
-        if np.count_nonzero(zero) > self._few and not self.opens:
+        if np.count_nonzero(zero) > self._few:
             numbers = {"count": np.count_nonzero(zero)}
             found = found or Finding(Kind.ZEROS, "cells", numbers=numbers)
         if found:
@@ -254,7 +265,7 @@ class Tare:
         high = level > _HIGHEST_LEVEL and bears > _COVER
         self.unseen = high or (level < _LOWEST_LEVEL and not self.opens)
         if self.unseen:
-            numbers = {"ohm": at_rest / level, "expected": at_rest, "force": bears}
+            numbers = {"ohm": at_rest / level, "expected": at_rest}
             self.found = Finding(Kind.FABRIC, numbers=numbers)
         else:
             odd = odd_cell(now, cells, fabric, 1.0 / (full * np.median(read[cells])))
@@ -272,7 +283,7 @@ class Tare:
             risen = now / self._first
             self.found = weak_line(np.log(risen), cells, first=False)
             risen = np.where(cells, risen / np.median(risen[cells]), 0.0)
-            if risen.max() > self._max_factor:  # a light touch that stands
+            if not self.found and risen.max() > self._max_factor:  # a light touch that stands
                 numbers = {"times": risen.max(), "force": AT_REST}
                 self.found = Finding(Kind.STUCK, NO_REST, **largest(risen), numbers=numbers)
             common = float(np.median(np.log(now / before)[cells]))

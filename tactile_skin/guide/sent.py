@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..calibration.at_rest import is_open
+from ..calibration.at_rest import open_up_to
 from ..calibration.rest import HALF_STEP, check_all_is_sent
 from ..health.doctor.usable import DECIMALS
 from ..middleware.config import SkinConfig
@@ -29,7 +29,7 @@ def check_sent(skin: SkinConfig, rest: np.ndarray, touches: np.ndarray | None = 
     check_all_is_sent(rest, circuit, threshold, skin.threshold)
     steps = np.round((rest if touches is None else touches) * circuit.full_scale, DECIMALS)
     steps = np.where(circuit.populated, steps, np.nan)
-    opens = is_open(circuit, skin.curve)
+    opens = open_up_to(circuit, skin.curve) * circuit.full_scale
     done = processed(steps, circuit.adc_bits, skin.threshold, opens=opens)
     if done and done.kind is not Kind.CEILING:
         raise ValueError(f"{done}. Send what the ADC reads")

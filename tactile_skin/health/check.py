@@ -69,7 +69,7 @@ class Seen(NamedTuple):
     stirs: bool  # whether anything touches, however lightly
     rest: np.ndarray | None  # (rows, cols) ADC ratio of the skin at rest; None: not measured yet
     noise: float  # RMS of a reading, as ADC ratio
-    opens: bool = False  # whether untouched cells read about 0 by the curve
+    opens: float = 0.0  # as `Tare.opens`
     window: Window | None = None  # of the last frames, which this one ends; None: it ends none
 
 

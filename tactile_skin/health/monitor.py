@@ -11,7 +11,7 @@ from ..calibration.touched import TOUCHED
 from ..findings.finding import Finding, Kind, Severity
 from ..physics.adc import Adc
 from ..solvers import Estimate
-from ..solvers.suspect import BEYOND, LIGHTER
+from ..solvers.suspect import LIGHTER
 from .bits import Bits
 from .ceiling import Ceiling
 from .check import Check, Seen, Windows
@@ -92,11 +92,12 @@ class Monitor:
     def _swings(self, seen: Seen, touched: bool) -> bool:
         """Whether what a frame misses is a hum at rest, or a cover that shakes."""
         if seen.rest is not None:
-            below = seen.adc < seen.rest - BEYOND * seen.noise
+            below = seen.adc < seen.rest - 1.0 / self._adc.circuit.full_scale
             self._low = np.where(below, np.minimum(self._low, seen.t), np.inf)
         finding = seen.estimate.finding
-        lighter = isinstance(finding, Finding) and finding.form == LIGHTER
-        return (self._hums and not touched) or (lighter and seen.t - self._low.min() < _SWING)
+        lighter = isinstance(finding, Finding) and LIGHTER in finding.numbers
+        swings = lighter and 0.0 <= seen.t - self._low.min() < _SWING
+        return (self._hums and not touched) or swings
 
     def _misses(self, adc, estimate: Estimate) -> bool:
         """Whether a frame misses by more than `LARGE`, and by more than it has changed."""

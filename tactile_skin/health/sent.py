@@ -24,6 +24,7 @@ class Sent(Check):
     def __init__(self, adc: Adc, threshold: float):
         circuit = adc.circuit
         self._bits, self._cells = circuit.adc_bits, circuit.populated
+        self._full = circuit.full_scale
         self._scale = 2.0 ** (16 - circuit.adc_bits)
         self._known = adc.rising_count(threshold) if threshold else 0.0
         low, high = adc.range
@@ -56,7 +57,7 @@ class Sent(Check):
             self._asked = t
             frames = np.array(self._frames)
             done = readings.processed(
-                frames, self._bits, self._known, self._unresolved, opens=seen.opens
+                frames, self._bits, self._known, self._unresolved, opens=seen.opens * self._full
             )
             if done and done.kind is not readings.Kind.CEILING:
                 self._find(done)

@@ -97,11 +97,9 @@ class Skin:
         self._adc, self._curve, self._follows = adc, curve, follows
         self._weights, self._warn = weights, warn
         floor, ceiling = adc.range
-        self._tare = Tare(self.circuit, curve)
-        if self._tare.opens:  # so little is noise, cut at 0, or the ADC's own offset
-            floor = max(floor, LEAST_STEPS / self.circuit.full_scale)
-        self._threshold, self._floor = threshold, max(threshold, floor)
-        self._bounds = {"threshold": self._floor, "ceiling": ceiling, "missing": True}
+        self._tare = Tare(self.circuit, curve, floor)
+        self._threshold, self._least = threshold, max(threshold, floor)
+        self._bounds = {"ceiling": ceiling, "missing": True}
         self._noise = noise
         self._time_limit, self._interval, self._at = time_limit, 0.0, np.nan  # s; of the last frame
         self._standing = Standing(creep, curve) if creep.share else None
@@ -127,7 +125,7 @@ class Skin:
             raise ValueError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
         weights = self._weights if method in _LEARNED else None
         given: dict[str, Any] = {"noise": self._noise, "weights": weights}
-        given |= self._bounds if method in _BOUNDED else {"threshold": self._threshold}
+        given |= self._bounds if method in _BOUNDED else {}
         # Loads the weights, and says here, not at a frame, that they do not fit.
         flat = np.full(self.circuit.shape, 0.05)
         compensate(flat, self.circuit, self._tare.curve, method, **given)
@@ -203,11 +201,21 @@ class Skin:
 
     def _compensate(self, adc: np.ndarray, hurry: bool) -> Estimate:
         given = self._given | {"hurry": hurry, "start": self._last}
+        given["threshold"] = self._floor if self._method in _BOUNDED else self._threshold
         if self._noise is None and self._tare.noise is not None:
             given["noise"] = max(self._tare.noise, ROUNDING_NOISE)
         limit = self._time_limit or min(max(_FRAMES * self._interval, _SHORTEST), _LONGEST)
         curve = self._tare.curve
         return compensate(adc, self.circuit, curve, self._method, time_limit=limit, **given)
+
+    @property
+    def _floor(self) -> float:
+        """ADC ratio up to which a reading is a bound.
+
+        At rest a sheet that is open reads noise that is cut at 0, and the ADC's own offset.
+        """
+        opens = LEAST_STEPS / self.circuit.full_scale if self._tare.opens else 0.0
+        return max(self._least, opens)
 
     def _rest(self, t: float, adc: np.ndarray, estimate: Estimate) -> None:
         if self._floor:  # what is not told is no rest
@@ -253,7 +261,7 @@ class Skin:
             return f"something presses with {self.force:.2g} N on a cell"
         if self._monitor.held:
             return f"a fault is kept ({self._monitor.held}): reset first"
-        self._tare = Tare(self.circuit, self._curve)
+        self._tare = Tare(self.circuit, self._curve, self._adc.range[0])
         self.waits, self._last = True, None
         self._monitor.begin_anew()
         return ""

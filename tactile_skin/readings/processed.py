@@ -83,7 +83,7 @@ def sample_of(steps: np.ndarray) -> np.ndarray:
 
 
 def processed(
-    steps, adc_bits: int, threshold: float = 0.0, unresolved: float = 0.0, *, opens: bool = False
+    steps, adc_bits: int, threshold: float = 0.0, unresolved: float = 0.0, *, opens: float = 0.0
 ) -> Processed | None:
     """Return what was done to the readings of a board; None: nothing that shows.
 
@@ -92,7 +92,8 @@ def processed(
         adc_bits: of its ADC.
         threshold: up to which it is known to send 0 [ADC steps].
         unresolved: what a reading of 0 may stand for [ADC steps], of an ADC that reads too low.
-        opens: whether untouched cells read about 0 by their curve: then zeros show no offset.
+        opens: up to which nothing touches a sheet that is open at rest [ADC steps]: zeros show no
+            offset, and no threshold so low; 0: it conducts.
     """
     steps = np.asarray(sample_of(steps), float)
     steps = steps.reshape(len(steps), -1)
@@ -110,7 +111,7 @@ def processed(
     if np.median(at_zero.mean(0)) > AT_END:
         level = _gap(steps[~at_zero])
         if level is not None:
-            known = level <= threshold + _GAP
+            known = level <= max(threshold, opens) + _GAP
             return None if known else Processed(Kind.THRESHOLD, level, ceiling, share)
         if opens:
             return None

@@ -72,9 +72,10 @@ def map_estimate(reading: Reading, start: Estimate | None = None) -> Estimate:
     if warm and estimate.status != "ok" and not reading.late():
         again = _fit(reading, first_guess(reading))
         estimate = estimate if again.status == "failed" else again
-    if _is_lighter(reading, estimate):
-        finding = Finding(Kind.MISFIT, suspect.LIGHTER)
-        return replace(estimate, message=str(finding), finding=finding)
+    finding = estimate.finding
+    if isinstance(finding, Finding) and _is_lighter(reading, estimate, finding):
+        numbers = {**finding.numbers, suspect.LIGHTER: 1.0}
+        return replace(estimate, finding=replace(finding, numbers=numbers))
     # without cross-talk cells of any other circuit would fit as well
     if estimate.status == "suspect" and reading.circuit.has_cross_talk and not reading.late():
         if not reading.noise_given:
@@ -172,12 +173,11 @@ def _fit(
     return Estimate(force, std, residual, *said, finding=finding)
 
 
-def _is_lighter(reading: Reading, estimate: Estimate) -> bool:
+def _is_lighter(reading: Reading, estimate: Estimate, finding: Finding) -> bool:
     """Whether a misfit is that of cells that conduct less than at rest, but `_LIGHTEST` of it."""
-    finding, (free,) = estimate.finding, reading.circuit.populated.ravel().nonzero()
-    misses = isinstance(finding, Finding) and "times" in finding.numbers
+    (free,) = reading.circuit.populated.ravel().nonzero()
     touched = estimate.force.max() >= _TOUCH  # then what is lost may be a short's
-    if not misses or touched or free.size > _DENSE or reading.late():
+    if "times" not in finding.numbers or touched or free.size > _DENSE or reading.late():
         return False
     reading = reading if reading.noise_given else reading.with_noise(float(estimate.noise))
     low, high = (bound.ravel()[free] for bound in reading.bounds)

@@ -42,12 +42,12 @@ def test_a_load_on_many_cells_is_none():
     assert odd_cell(1.0 / CURVE.resistance(bears), CELLS, CURVE).form == NO_REST
 
 
-@pytest.mark.parametrize("opens", [True, False])
+@pytest.mark.parametrize("opens", [15.0, 0.0])
 def test_zeros_show_an_offset_only_where_the_curve_conducts_at_rest(opens):
     rng = np.random.default_rng(1)
     steps = np.maximum(np.rint(2.0 * rng.standard_normal((40, 8, 8))), 0.0)
     steps[20:, 2:5, 2:5] += 700.0
-    assert (processed(steps, 10, opens=opens) is None) is opens
+    assert (processed(steps, 10, opens=opens) is None) is bool(opens)
 
 
 def test_a_signed_adc_reads_a_little_below_0():
@@ -76,7 +76,7 @@ def _lighter(readout, share):
 def test_cells_that_conduct_less_than_at_rest_are_named(readout, share, explained):
     *_, found = _lighter(readout, share)
     assert found.status == "suspect"
-    assert (found.finding.form == LIGHTER) is explained
+    assert (LIGHTER in found.finding.numbers) is explained
 
 
 @pytest.mark.parametrize(("hertz", "stops"), [(5.0, False), (0.5, True)])

@@ -21,7 +21,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...calibration.at_rest import LEAST_STEPS, is_open
+from ...calibration.at_rest import LEAST_STEPS, open_up_to
 from ...calibration.rest import REST_SPAN, Rest, usual_resistance
 from ...findings.finding import Finding, Kind, lines, whole_lines
 from ...physics.circuit import Circuit
@@ -70,7 +70,7 @@ def diagnose(
     """
     frames = np.asarray(frames)
     seen = record(frames, circuit, rest)
-    opens = curve is not None and is_open(circuit, curve)
+    opens = open_up_to(circuit, curve) * circuit.full_scale if curve else 0.0
     if finding := usable.processed(seen, opens):
         return [finding]
     calm = np.quantile(seen.steps[:, seen.cells], usable.AT_END, axis=0)

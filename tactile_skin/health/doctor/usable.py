@@ -29,10 +29,10 @@ _PIECE = 4
 _OF_A_LINE = 0.9
 
 
-def processed(seen: Recorded, opens: bool) -> Finding | None:
+def processed(seen: Recorded, opens: float) -> Finding | None:
     """Return what was done to the readings, whatever polarity is configured; None: none shows.
 
-    opens: whether untouched cells read about 0 by the curve.
+    opens: as of `readings.processed`.
     """
     cells = seen.steps[:, seen.cells].astype(float)
     for steps in (cells, seen.circuit.full_scale - cells):
