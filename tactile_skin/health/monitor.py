@@ -37,9 +37,11 @@ CHECKS: list[type[Check]] = [
 ]
 
 
-# s for which a reading may lie below that at rest, as under a cover that shakes at 1.5 Hz or more;
-# what is lost in series, or of the supply, stays away.
+# A cover that shakes leaves a reading below that at rest for half of the time, what is lost for good
+# for all of it: the time constant of such a share [s], for 3 Hz and more, and the limit between.
 _SWING = 0.35
+_RETURNS = 0.85
+_LOUD = 3.0  # times the noise, by which a reading is off
 
 
 class Monitor:
@@ -51,7 +53,9 @@ class Monitor:
         self._windows = Windows(adc.circuit.adc_bits)
         self._why = ""
         self._last: np.ndarray | None = None  # the frame before, as ADC ratio
-        self._low = np.full(adc.circuit.shape, np.inf)  # s, since when each reads less than at rest
+        self._below = np.zeros(adc.circuit.shape)  # share of time for which each is below the rest
+        self._above = np.zeros(adc.circuit.shape)  # and for which it is clearly above
+        self._t = np.inf  # s, of the frame before
         self.begin_anew()
         self.forget_doubts()
 
@@ -91,13 +95,19 @@ class Monitor:
 
     def _swings(self, seen: Seen, touched: bool) -> bool:
         """Whether what a frame misses is a hum at rest, or a cover that shakes."""
-        if seen.rest is not None:
-            below = seen.adc < seen.rest - 1.0 / self._adc.circuit.full_scale
-            self._low = np.where(below, np.minimum(self._low, seen.t), np.inf)
+        elapsed, self._t = max(seen.t - self._t, 0.0), seen.t
+        if seen.rest is None:
+            return self._hums and not touched
+        off = np.nan_to_num(seen.adc - seen.rest)
+        lost, least = np.fmin(off, 0.0) ** 2, _LOUD * seen.estimate.noise / self._adc.circuit.full_scale
+        share = 1.0 - np.exp(-elapsed / _SWING)
+        self._below += share * ((off < 0.0) - self._below)
+        self._above += share * ((off > least) - self._above)
         finding = seen.estimate.finding
-        lighter = isinstance(finding, Finding) and LIGHTER in finding.numbers
-        swings = lighter and 0.0 <= seen.t - self._low.min() < _SWING
-        return (self._hums and not touched) or swings
+        if not (isinstance(finding, Finding) and LIGHTER in finding.numbers and lost.any()):
+            return self._hums and not touched
+        below, above = (np.average(mean, weights=lost) for mean in (self._below, self._above))
+        return bool(below < _RETURNS and (not touched or above > 1.0 - _RETURNS))
 
     def _misses(self, adc, estimate: Estimate) -> bool:
         """Whether a frame misses by more than `LARGE`, and by more than it has changed."""

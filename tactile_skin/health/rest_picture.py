@@ -46,8 +46,11 @@ class RestPicture(Check):
 
     def _look(self, now: np.ndarray, rest: np.ndarray, noise: float) -> Finding | None:
         """Return what (n,) mean readings show, whose noise is known [ADC steps]."""
-        most = rest.std() / (_STILL_ALIKE if self.found else _ALIKE)
-        if now.var() - noise**2 >= most**2:
+        times = _STILL_ALIKE if self.found else _ALIKE
+        if now.var() - noise**2 >= (rest.std() / times) ** 2:
+            return None
+        # what shakes all cells is no noise between them: their picture is still that at rest
+        if (now - now.mean()) @ (rest - rest.mean()) / rest.size >= rest.var() / times:
             return None
         numbers = {"steps": float(now.mean())}
         return Finding(Kind.NO_SIGNAL, severity=Severity.FAULT, numbers=numbers)

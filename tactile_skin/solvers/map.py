@@ -72,15 +72,15 @@ def map_estimate(reading: Reading, start: Estimate | None = None) -> Estimate:
     if warm and estimate.status != "ok" and not reading.late():
         again = _fit(reading, first_guess(reading))
         estimate = estimate if again.status == "failed" else again
-    finding = estimate.finding
-    if isinstance(finding, Finding) and _is_lighter(reading, estimate, finding):
-        numbers = {**finding.numbers, suspect.LIGHTER: 1.0}
-        return replace(estimate, finding=replace(finding, numbers=numbers))
     # without cross-talk cells of any other circuit would fit as well
     if estimate.status == "suspect" and reading.circuit.has_cross_talk and not reading.late():
         if not reading.noise_given:
             reading = replace(reading, noise=float(estimate.noise))
         estimate = without_bad_contacts(reading, partial(_fit, warm=True), estimate) or estimate
+    finding = estimate.finding
+    if isinstance(finding, Finding) and _is_lighter(reading, estimate, finding):
+        numbers = {**finding.numbers, suspect.LIGHTER: 1.0}
+        return replace(estimate, finding=replace(finding, numbers=numbers))
     if reading.may_fit_two and estimate.status == "ok":
         return _unless_another(reading, estimate)
     if estimate.status != "suspect" or not reading.late() or suspect.by_reading(reading):
@@ -176,8 +176,7 @@ def _fit(
 def _is_lighter(reading: Reading, estimate: Estimate, finding: Finding) -> bool:
     """Whether a misfit is that of cells that conduct less than at rest, but `_LIGHTEST` of it."""
     (free,) = reading.circuit.populated.ravel().nonzero()
-    touched = estimate.force.max() >= _TOUCH  # then what is lost may be a short's
-    if "times" not in finding.numbers or touched or free.size > _DENSE or reading.late():
+    if "times" not in finding.numbers or free.size > _DENSE or reading.late():
         return False
     reading = reading if reading.noise_given else reading.with_noise(float(estimate.noise))
     low, high = (bound.ravel()[free] for bound in reading.bounds)
