@@ -40,8 +40,8 @@ CHECKS: list[type[Check]] = [
 # A cover that shakes leaves a reading below that at rest for half of the time, what is lost for good
 # for all of it: the time constant of such a share [s], for 3 Hz and more, and the limit between.
 _SWING = 0.35
-_RETURNS = 0.85
-_LOUD = 3.0  # times the noise, by which a reading is off
+_RETURNS = 0.9
+_LOUD = 2.0  # times the noise, by which a reading is off
 
 
 class Monitor:
@@ -101,12 +101,13 @@ class Monitor:
         off = np.nan_to_num(seen.adc - seen.rest)
         lost, least = np.fmin(off, 0.0) ** 2, _LOUD * seen.estimate.noise / self._adc.circuit.full_scale
         share = 1.0 - np.exp(-elapsed / _SWING)
-        self._below += share * ((off < 0.0) - self._below)
-        self._above += share * ((off > least) - self._above)
+        before = self._below, self._above
+        self._below = self._below + share * ((off < 0.0) - self._below)
+        self._above = self._above + share * ((off > least) - self._above)
         finding = seen.estimate.finding
         if not (isinstance(finding, Finding) and LIGHTER in finding.numbers and lost.any()):
             return self._hums and not touched
-        below, above = (np.average(mean, weights=lost) for mean in (self._below, self._above))
+        below, above = (np.average(mean, weights=lost) for mean in before)
         return bool(below < _RETURNS and (not touched or above > 1.0 - _RETURNS))
 
     def _misses(self, adc, estimate: Estimate) -> bool:
