@@ -9,6 +9,7 @@ examples:
   python -m benchmarks.accept --only entries moving         # some lines
   python -m benchmarks.accept --list
   python -m benchmarks.accept --data FOLDER --json new.json # with recordings of others
+  python -m benchmarks.accept --only faults sound --without health.bits.Bits
 
 Times are of this machine alone: run `frame` and `stop` while nothing else does. To measure another
 commit: copy this folder into a worktree of it, and run it there with --json. Two hours of sound
@@ -28,6 +29,7 @@ from tactile_skin import extras
 
 from .. import harness
 from .lines import LINES, Figure, Line, play
+from .without import mechanism, playing
 
 BEFORE = "e6d30719"
 QUICK = 0.1  # share of the streams
@@ -36,11 +38,12 @@ _SIGMA = 2.0  # standard errors by which a share differs between seeds
 
 
 def measure(line: Line, args, share: float, track=lambda tasks: tasks) -> list[Figure]:
-    """Return a line's figures; of `args`: seed, data, jobs and verbose."""
+    """Return a line's figures; of `args`: seed, data, jobs, without, verbose."""
     tasks = line.tasks(args.seed, share, args.data)
     if not tasks:
         return []
-    results = list(harness.spread(play, tasks, 1 if line.alone else args.jobs, track))
+    jobs = 1 if line.alone else args.jobs
+    results = list(harness.spread(playing(play, args.without), tasks, jobs, track))
     for (function, arguments), result in zip(tasks, results, strict=True):
         if args.verbose:
             print(f"    {function.__name__}{tuple(arguments)}: {result}")
@@ -89,7 +92,20 @@ def main(arguments=None) -> dict:
     parser.add_argument("--data", type=Path, default=Path("../shared/data"), help="recordings")
     parser.add_argument("--jobs", type=int, help="processes (default: one a core)")
     parser.add_argument("--verbose", action="store_true", help="what each stream came to")
+    parser.add_argument(
+        "--without",
+        nargs="+",
+        metavar="NAME",
+        default=[],
+        help="leave out a check (health.bits.Bits), or a function that may return None "
+        "(solvers.suspect.by_residual): a mechanism that costs no figure goes",
+    )
     args = parser.parse_args(arguments)
+    try:
+        for name in args.without:
+            mechanism(name)
+    except ValueError as error:
+        parser.error(str(error))
     if args.list:
         print("\n".join(f"{line.name:12} {line.about}" for line in LINES))
         return {}

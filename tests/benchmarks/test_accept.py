@@ -8,10 +8,12 @@ import pytest
 from support.lab.board import KNOTS, FaultBoard, Sent
 
 from benchmarks.accept import __main__ as accept
-from benchmarks.accept import boards, presses, rests
+from benchmarks.accept import boards, presses, rests, without
 from benchmarks.accept.lines import LINES, Asked, Figure
 from benchmarks.faults.reliability import Record
 from tactile_skin import Circuit, PressureCurve
+from tactile_skin.calibration import at_rest, tare
+from tactile_skin.health import monitor
 
 
 def test_a_figure_is_met_by_its_share_and_by_its_direction():
@@ -113,3 +115,17 @@ def test_a_sound_skin_unlike_an_even_fabric_is_free_and_feels_what_presses(kind,
     assert found["at once"] and found["fault"] <= most * found["idle"], found["said"]
     assert found["free"] == found["missed"] == 0
     assert found["ratios"] == pytest.approx([1.0, 1.0], abs=0.07)
+
+
+def test_a_mechanism_is_left_out_by_its_name(monkeypatch, capsys):
+    monkeypatch.setattr(monitor, "CHECKS", list(monitor.CHECKS))
+    monkeypatch.setattr(tare, "one_voltage", at_rest.one_voltage)  # both are set back
+    monkeypatch.setattr(at_rest, "one_voltage", at_rest.one_voltage)
+    without.leave_out("health.bits.Bits")
+    assert len(monitor.CHECKS) == 9 and monitor.Bits not in monitor.CHECKS
+    without.leave_out("calibration.at_rest.one_voltage")
+    assert at_rest.one_voltage(1, 2) is tare.one_voltage() is None
+    for name in "health.bits.Bit", "health.nothing.At", "solvers.map.map_estimate":
+        with pytest.raises(SystemExit):
+            accept.main(["--list", "--without", name])
+        assert name in capsys.readouterr().err
