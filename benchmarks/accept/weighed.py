@@ -101,7 +101,7 @@ def _calibrated(case: Case, folder: Path) -> dict:
     circuit = {n: v for n, v in circuit.items() if n != "mask"}
     config.write_text(yaml.safe_dump({"/**": {"ros__parameters": {"circuit": circuit}}}))
     with contextlib.suppress(ValueError):
-        calibrate.run(SimpleNamespace(out=out, config=config, words=words, creep=None))
+        calibrate.run(SimpleNamespace(out=out, config=config, words=words, creep=None, gain=None))
     if not out.exists():
         return {}
     found = yaml.safe_load(out.read_text())["/**"]["ros__parameters"]

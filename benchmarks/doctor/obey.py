@@ -116,7 +116,8 @@ def _look_for_frames(chain: Chain) -> None:
     """Let the driver say why there is no frame, as its reader's thread does."""
     reader = chain._driver._reader
     if not reader.parser.counters.frames:
-        reader._lost(reader._unusable(SimpleNamespace(name=reader.port), heard=1))
+        port = SimpleNamespace(name=reader.port)
+        reader._lost(reader._unusable(port, heard=1, patience=reader.watchdog))
 
 
 def _turned(felt: np.ndarray, board: Board, entered: dict) -> np.ndarray:

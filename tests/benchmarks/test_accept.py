@@ -85,7 +85,10 @@ def test_the_lines_are_listed(capsys):
     "name",
     [
         "entries",
-        *(pytest.param(n, marks=pytest.mark.ci) for n in ("faults", "moving", "proved", "bits")),
+        *(
+            pytest.param(n, marks=pytest.mark.ci)
+            for n in ("faults", "moving", "proved", "bits", "obey", "weighed")
+        ),
     ],
 )
 def test_the_smallest_version_of_a_line_runs(name, capsys, monkeypatch):
