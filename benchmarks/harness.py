@@ -95,6 +95,14 @@ def _plain(value):
     return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
+def command(module, *words) -> int:
+    """Run a command of the package as its line would; errors are raised."""
+    parser = argparse.ArgumentParser()
+    module.register(parser)
+    status: int = module.run(parser.parse_args([str(word) for word in words]))
+    return status
+
+
 def seed_of(seed: int, *names) -> list[int]:
     """Return the seed of one of many measurements: the same whatever else is measured."""
     return [seed, *(zlib.crc32(str(name).encode()) for name in names)]

@@ -7,7 +7,6 @@ import contextlib
 import dataclasses
 import tempfile
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import yaml
@@ -18,6 +17,7 @@ from tactile_skin.commands import calibrate
 from tactile_skin.parameters.nodes import all_names
 from tactile_skin.physics.curve import GRAM
 
+from .. import harness
 from .boards import WRONG, Case, draw
 from .presses import PALMS, Scene, held, palm
 
@@ -101,7 +101,7 @@ def _calibrated(case: Case, folder: Path) -> dict:
     circuit = {n: v for n, v in circuit.items() if n != "mask"}
     config.write_text(yaml.safe_dump({"/**": {"ros__parameters": {"circuit": circuit}}}))
     with contextlib.suppress(ValueError):
-        calibrate.run(SimpleNamespace(out=out, config=config, words=words, creep=None, gain=None))
+        harness.command(calibrate, *words, "--out", out, "--config", config)
     if not out.exists():
         return {}
     found = yaml.safe_load(out.read_text())["/**"]["ros__parameters"]

@@ -255,9 +255,9 @@ class Owner:
         n = int(LISTENED * RECORDED)
         begin = int(np.random.default_rng([self.board.seed, 3]).integers(len(sent) - n))
         data.write_bytes(self.board.bytes_of(sent[begin : begin + n], begin))
-        args = SimpleNamespace(words=[str(data), f"out:={out}", f"config:={self._config()}"])
+        words = data, f"out:={out}", f"config:={self._config()}"
         with mock.patch.object(detect, "_ask", self._answer):
-            said = _printed(lambda: detect.run(args)).splitlines()
+            said = _printed(lambda: harness.command(detect, *words)).splitlines()
         if not out.exists():
             self.did.append(f"detect: {said[-1]}")
             return False
@@ -304,18 +304,15 @@ class Owner:
 
     def doctor(self) -> str:
         """Return what `tactile-skin doctor` prints of a minute of touches."""
-        return _printed(
-            lambda: doctor.run(
-                SimpleNamespace(words=[self._file("touches"), f"config:={self._config()}"])
-            )
-        )
+        words = self._file("touches"), f"config:={self._config()}"
+        return _printed(lambda: harness.command(doctor, *words))
 
     def calibrate(self) -> str:
         """Return what `tactile-skin calibrate` prints of rest and touches, as it enters r_par."""
         out = self.folder / "calibrated.yaml"
         words = [f"rate:={RECORDED}", *(f"{k}:={self._file(k)}" for k in ("rest", "touches"))]
-        given = {"out": out, "config": Path(self._config()), "words": words, "creep": None}
-        said = _printed(lambda: calibrate.run(SimpleNamespace(**given)))
+        words += ["--out", out, "--config", self._config()]
+        said = _printed(lambda: harness.command(calibrate, *words))
         if out.exists():
             found = yaml.safe_load(out.read_text())["/**"]["ros__parameters"]["circuit"]
             if abs(found["r_par"] - self.entered["r_par"]) > 1.0:

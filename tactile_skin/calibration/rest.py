@@ -107,7 +107,7 @@ def check_all_is_sent(frames: np.ndarray, circuit: Circuit, threshold: float, st
     """
     if not threshold:
         return
-    silent = np.mean(np.nan_to_num(np.nanmedian(frames, axis=0))[circuit.populated] <= threshold)
+    silent = np.mean(np.median(np.nan_to_num(frames), axis=0)[circuit.populated] <= threshold)
     if silent > _FEW:
         raise ValueError(
             f"{silent:.0%} of the untouched cells read no more than "

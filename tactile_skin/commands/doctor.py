@@ -4,17 +4,19 @@
 from __future__ import annotations
 
 from contextlib import closing
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 
 from ..arguments import split
 from ..calibration.rest import check_all_is_sent, measure_rest
+from ..extras import track
 from ..fields import leaves
 from ..findings.finding import Finding, Kind
 from ..guide.notes import notes
-from ..health.doctor import diagnose
+from ..health.doctor import diagnose, played
 from ..middleware.config import SkinConfig, read_skin, skin_of
+from ..nodes.compensation import skin_of as running_skin
 from ..parameters import shared as parameters
 from ..physics.adc import Adc
 from ..physics.circuit import Circuit
@@ -52,7 +54,9 @@ _KINDS: dict[str, type] = {
 }
 _LIVE = ("baud", "protocol", "seconds")
 _COUNTED = 10.0  # s after which what is left is said
+_LISTENED = 60.0  # s of a live board, if nothing else is said
 _SECONDS = 5.0, 3600.0
+_PATIENT = 10.0  # s that a fit may take of a frame that is past
 _CORRUPT = 0.005  # share of the frames damaged, from which the link is bad;
 _LOST = 0.05  # the same of frames lost
 
@@ -75,23 +79,35 @@ def run(args) -> int:
     namespace = given.get("namespace", "")
     skin = recorded_skin(files[0], config, namespace) if files else read_skin(config)
     board = _board(skin, given)
-    adc = skin_of(board, "").adc
-    circuit = adc.circuit
+    of_board = skin_of(board, "")
+    adc, circuit = of_board.adc, of_board.circuit
     found: list[Finding] = []
     if files:
-        frames = _ratio(files[0], adc, given.get("full_scale"), namespace)
+        frames, times = _ratio(files[0], adc, given.get("full_scale"), namespace)
     else:
         frames, found = _listen(given, board)
+        times = np.linspace(0.0, given.get("seconds", _LISTENED), len(frames))
     check_all_is_sent(frames, circuit, adc.threshold(skin.threshold), skin.threshold)
     rest = None
     if "rest" in given:
-        at_rest = _ratio(given["rest"], adc, given.get("full_scale"), namespace)
+        at_rest, _ = _ratio(given["rest"], adc, given.get("full_scale"), namespace)
         rest = measure_rest(at_rest, circuit)
     found += diagnose(frames, circuit, rest, inverted=adc.inverted, curve=skin.curve)
+    live = None
+    if not found:
+        supposed = replace(skin.given, circuit=of_board.given.circuit, time_limit=_PATIENT)
+        running = running_skin(supposed, warn=print)
+        live = played.stopped_by(running, adc, track(frames), times)
     print(f"{len(frames)} frames of {circuit.rows} x {circuit.cols}")
     print(picture(found, circuit))
     for finding in found:
         print(f"- {finding}")
+    if live:
+        reason, since = live
+        print(
+            f"- stops a running skin {since:.1f} s after the first frame, not explained: {reason}"
+        )
+        found.append(reason)
     for note in notes(found, frames, circuit, rest):
         print(note)
     return 1 if found else 0
@@ -136,17 +152,17 @@ def _board(skin: SkinConfig, given: dict) -> dict:
     return {f"circuit.{name}": value for name, value in (board | dropped | changed).items()}
 
 
-def _ratio(path: str, adc: Adc, full_scale: float | None, namespace: str) -> np.ndarray:
-    """(n, rows, cols) ADC ratio of a file; what was repaired is printed."""
+def _ratio(path: str, adc: Adc, full_scale: float | None, namespace: str):
+    """(n, rows, cols) ADC ratio of a file, and their times [s]; what was repaired is printed."""
     found = read_frames(path, adc.circuit, namespace, full_scale=full_scale)
     for note in found.notes:
         print(f"{path}: {note}")
-    return found.ratio(adc)
+    return found.ratio(adc), found.times
 
 
 def _listen(given: dict, board: dict) -> tuple[np.ndarray, list[Finding]]:
     """Frames of the live board, and what is wrong with its link."""
-    seconds = given.get("seconds", 60.0)
+    seconds = given.get("seconds", _LISTENED)
     if not _SECONDS[0] <= seconds <= _SECONDS[1]:
         raise ValueError(f"seconds:={seconds:g}: must be from {_SECONDS[0]:g} to {_SECONDS[1]:g}")
     driver = {name: given[name] for name in ("port", "baud", "protocol") if name in given}

@@ -37,8 +37,8 @@ CHECKS: list[type[Check]] = [
 ]
 
 
-# A cover that shakes leaves a reading below that at rest for half of the time, what is lost for good
-# for all of it: the time constant of such a share [s], for 3 Hz and more, and the limit between.
+# A cover that shakes leaves a reading below that at rest for half of the time, what is lost for
+# good for all of it: time constant of such a share [s], for 3 Hz and more, and the limit between.
 _SWING = 0.35
 _RETURNS = 0.9
 _LOUD = 2.0  # times the noise, by which a reading is off
@@ -99,7 +99,8 @@ class Monitor:
         if seen.rest is None:
             return self._hums and not touched
         off = np.nan_to_num(seen.adc - seen.rest)
-        lost, least = np.fmin(off, 0.0) ** 2, _LOUD * seen.estimate.noise / self._adc.circuit.full_scale
+        lost = np.fmin(off, 0.0) ** 2
+        least = _LOUD * seen.estimate.noise / self._adc.circuit.full_scale
         share = 1.0 - np.exp(-elapsed / _SWING)
         before = self._below, self._above
         self._below = self._below + share * ((off < 0.0) - self._below)

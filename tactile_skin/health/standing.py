@@ -125,5 +125,6 @@ def fell_together(
     if other @ middle > _STANDS_AT * (middle @ middle):  # a low-pass would bring it to rest
         by_share = np.square(other - share * one).mean() / (1.0 + share**2)
     left = other > _CLEAR * noise  # the others are back at rest
-    by_amount = fell[left].var() / 2.0 if np.count_nonzero(left) >= FEW else np.inf
+    moved = np.count_nonzero(left) >= FEW and fell[left].mean() > _STEEP * noise
+    by_amount = fell[left].var() / 2.0 if moved else np.inf
     return share if min(by_share, by_amount) < (_EXACT * noise) ** 2 else None

@@ -32,11 +32,12 @@ class SkinConfig(tuple[Circuit, PressureCurve, Geometry]):
         r_par_std: how well the circuit's r_par is known [ohm]; None: nobody has measured it.
         proof: what has shown that its newtons are right.
         threshold: readings up to which the board says nothing [ADC steps]; 0: it says all.
-        board: the parameters circuit.*, as the file has them.
+        board: the parameters circuit.*, as the file has them; given: those of compensation.
     """
 
     def __init__(self, parts: tuple[Circuit, PressureCurve, Geometry], given: Compensation):
         self.circuit, self.curve, self.geometry = parts
+        self.given = given
         self.board, self.threshold = given.circuit, given.board_threshold
         self.adc, self.creep = adc_of(given.circuit, self.circuit), creep_of(given.curve)
         self.proof = proof_of(given.curve)

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from tactile_skin import Circuit, PressureCurve, forward
+from tactile_skin.findings.finding import Kind
 from tactile_skin.health import skin as skin_module
+from tactile_skin.health.doctor import played
 from tactile_skin.health.skin import Skin
 from tactile_skin.physics.adc import Adc
 from tactile_skin.physics.creep import Creep
@@ -295,3 +297,25 @@ def test_a_tenth_of_a_second_apart_they_are_two_times(board, closed, counts):
         board.feel(NOTHING, 1, broken=ROW)
         board.feel(NOTHING, closed)
     assert board.skin.fault == counts
+
+
+def recorded(broken=None) -> list[np.ndarray]:
+    """Frames of two seconds of rest, and of a touch during which a row may be open for 0.4 s."""
+    board, frames = Board(), []
+    for k in range(320):
+        touched = 200 <= k < 300
+        ratio = forward(CIRCUIT, CURVE.resistance(PUSH * touched) * board.rest)
+        noise = 0.5 * board.rng.standard_normal(CIRCUIT.shape) / CIRCUIT.full_scale
+        frames.append(np.clip(ratio + noise, 0.0, 1.0))
+        if broken is not None and 230 <= k < 270:
+            frames[-1][broken] = 0.0
+    return frames
+
+
+def test_frames_are_played_through_a_skin_and_what_stops_it_is_named():
+    """A stop that came in use is found again on its recording."""
+    adc, t = Adc(CIRCUIT), 50.0 + FRAME * np.arange(320)
+    assert played.stopped_by(Board().skin, adc, recorded(), t) is None
+    reason, since = played.stopped_by(Board().skin, adc, recorded(broken=2), t)
+    assert reason.kind is Kind.OPEN and reason.rows == (2,)
+    assert since == pytest.approx(2.3, abs=0.15)

@@ -3,6 +3,7 @@
 
 recorded.py   rest, noise and touches of the recording
 usable.py     whether it can be judged: what an ADC reads, of a matrix, and its rest
+played.py     what a running skin says of the frames
 readout.py    another readout than the configured one
 readings.py   faults of single readings: bits, ceiling, noise, open and loose lines
 order.py      lines that read alike, lines in the wrong order
