@@ -180,6 +180,8 @@ class Skin:
                 force = standing.update(t, estimate.force)
                 upper = most(estimate.force, force, standing.late, self._curve)
             unread = np.isnan(adc)
+            if estimate.aside is not None:  # what is set aside says nothing of its own cell
+                unread |= estimate.aside
             std = np.where(unread, estimate.std, 0.0) if unread.any() else None
             self.bound = upper_bound(upper, std, self.circuit, self._tare.curve, self.unknown)
         touched = self.force >= TOUCHED

@@ -319,3 +319,15 @@ def test_frames_are_played_through_a_skin_and_what_stops_it_is_named():
     reason, since = played.stopped_by(Board().skin, adc, recorded(broken=2), t)
     assert reason.kind is Kind.OPEN and reason.rows == (2,)
     assert since == pytest.approx(2.3, abs=0.15)
+
+
+def test_a_reading_that_is_set_aside_says_nothing_of_its_own_cell():
+    """The stop counts that cell as one that was not read: a converter that lost a bit reads so."""
+    board, cell = Board(), (3, 4)
+    board.feel(NOTHING, 150)
+    board.feel(PUSH, 20)
+    assert board.skin.bound[cell][0] < 1.5 * PUSH[cell]
+    steps = forward(CIRCUIT, CURVE.resistance(PUSH) * board.rest) * CIRCUIT.full_scale
+    steps[cell] *= 0.3
+    board.skin.frame(board.t, np.rint(64.0 * steps).astype(np.uint16))
+    assert board.skin.status == "ok" and board.skin.bound[cell][0] > 1.8 * PUSH[cell]
