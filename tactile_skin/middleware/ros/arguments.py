@@ -79,14 +79,12 @@ def _read(path: str) -> list[ParameterFile | Parameter]:
     not given, and says nothing.
     """
     file = ParameterFile(path)
-    if len(file.sections) != 1 or not file.path.name.startswith(_LAUNCH_ROS):
-        return [file]
-    (section,) = file.sections
-    if section.node in NODES:
+    ours = [s for s in file.sections if file.path.name.startswith(_LAUNCH_ROS)]
+    if len(ours) != 1 or ours[0].node in NODES:
         return [file]  # a user's, also where launch_ros has carried out its substitutions
-    values = section.values
+    values, source = ours[0].values, ours[0].name
     named = [ParameterFile(values.pop(CONFIG), own=True)] if CONFIG in values else []
-    return [*named, *(Parameter(k, v, section.name) for k, v in values.items() if v != "")]
+    return [*named, *(Parameter(k, v, source) for k, v in values.items() if v != "")]
 
 
 def _take(word: str, rest: Iterator[str], args: RosArguments) -> None:
