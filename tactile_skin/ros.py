@@ -26,8 +26,7 @@ from .middleware.parameter_file import CONFIG
 from .middleware.plan import NodeAction, Plan, parts_of, with_skins
 from .middleware.processes import end_with_launcher
 from .middleware.ros.arguments import PARAMS_FILE, RosArguments, split_arguments
-from .middleware.ros.node import RosNode, ToRos
-from .middleware.ros.process import Process
+from .middleware.ros.node import Process, RosNode, ToRos
 from .nodes import diagnostics, frames
 
 _logger = logging.getLogger("tactile_skin")

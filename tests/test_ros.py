@@ -5,7 +5,6 @@ Tests of the mark `ros` skip where there is none; `--require-ros` makes that a f
 """
 
 import dataclasses
-import importlib.util
 import itertools
 import logging
 import os
@@ -41,7 +40,6 @@ from tactile_skin.middleware.package import COMPOSED, NODES
 from tactile_skin.middleware.plan import NodeAction, make_node
 from tactile_skin.middleware.ros import messages
 from tactile_skin.middleware.ros import node as ros_node
-from tactile_skin.middleware.ros.process import Process
 from tactile_skin.msg import (
     DiagnosticArray,
     Header,
@@ -98,7 +96,7 @@ sys.exit(skin.failed)
 
 
 def test_a_node_without_ros_says_so(capsys, monkeypatch):
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(ros_node, "rclpy", None)
     assert ros.run("serial_driver", []) == 2
     out, err = capsys.readouterr()
     assert out == ""
@@ -172,45 +170,30 @@ class StandIn:
 
     def __init__(self, monkeypatch):
         self.work, self.subscriptions, self.services = queue.Queue(), {}, {}
-        parts = {
-            "rclpy": {
-                "Context": lambda: None,
-                "init": lambda **_: None,
-                "create_node": lambda *_, **__: self,
-                "try_shutdown": lambda context: self.work.put(None),  # its executor ends
-            },
-            "rclpy.executors": {
-                "SingleThreadedExecutor": lambda context: self,
-                "ExternalShutdownException": InterruptedError,
-            },
-            "rclpy.signals": {"SignalHandlerOptions": types.SimpleNamespace(NO=0)},
-            "rclpy.clock": {"Clock": lambda **_: None},
-            "rclpy.clock_type": {"ClockType": types.SimpleNamespace(STEADY_TIME=0)},
-            "rclpy.duration": {"Duration": lambda **_: None},
-            "rcl_interfaces": {"msg": types.SimpleNamespace()},
-            "rclpy.parameter": {"Parameter": lambda *_, **__: None},
-            "rclpy.qos_overriding_options": {
-                "QoSOverridingOptions": types.SimpleNamespace(with_default_policies=lambda: None)
-            },
-            "rclpy.qos": {
-                "DurabilityPolicy": {"VOLATILE": 0, "TRANSIENT_LOCAL": 1},
-                "QoSProfile": lambda **_: None,
-                "ReliabilityPolicy": {"RELIABLE": 1, "BEST_EFFORT": 2},
-            },
-        }
-        for name, attributes in parts.items():
-            module = types.ModuleType(name)
-            vars(module).update(attributes)
-            monkeypatch.setitem(sys.modules, name, module)
+        part = types.SimpleNamespace
+        nothing = lambda *_, **__: None  # noqa: E731
+        rclpy = part(
+            Context=lambda: part(ok=lambda: True),
+            init=nothing,
+            create_node=lambda *_, **__: self,
+            try_shutdown=lambda context: self.work.put(None),  # its executor ends
+            executors=part(SingleThreadedExecutor=lambda context: self),
+            callback_groups=part(MutuallyExclusiveCallbackGroup=nothing),
+            signals=part(SignalHandlerOptions=part(NO=0)),
+            clock=part(Clock=nothing),
+            clock_type=part(ClockType=part(STEADY_TIME=0)),
+            logging=part(get_logger=lambda name: logging.getLogger("rclpy")),
+            qos=part(QoSProfile=nothing),
+            qos_overriding_options=part(QoSOverridingOptions=part(with_default_policies=nothing)),
+        )
+        monkeypatch.setattr(ros_node, "rclpy", rclpy)
         for module in (messages, ros_node):
             monkeypatch.setattr(module, "ros_class", lambda kind: kind)
 
     def add_node(self, node):
         pass
 
-    def create_subscription(
-        self, kind, topic, callback, qos, callback_group, qos_overriding_options
-    ):
+    def create_subscription(self, kind, topic, callback, **_):
         self.subscriptions[topic] = callback
 
     def get_clock(self):
@@ -222,18 +205,17 @@ class StandIn:
     def add_on_set_parameters_callback(self, callback):
         pass
 
-    def create_publisher(self, kind, topic, qos, qos_overriding_options):
-        return types.SimpleNamespace(
-            publish=lambda message: None,
-            get_subscription_count=lambda: 0,
-            wait_for_all_acked=lambda duration: True,
-        )
+    def create_publisher(self, kind, topic, **_):
+        return types.SimpleNamespace(publish=lambda m: None, get_subscription_count=lambda: 0)
+
+    def get_nodes(self):
+        return []
 
     def create_service(self, kind, name, callback):
         self.services[name] = callback
 
     def get_logger(self):
-        return logging.getLogger("rclpy")
+        return types.SimpleNamespace(name="n")
 
     def spin(self):
         """Until a callback raises, as rclpy's, or shutdown."""
@@ -259,7 +241,7 @@ def stand_in(monkeypatch):
 @pytest.fixture
 def on_stand_in(stand_in):
     """A node on it, which is run."""
-    theirs = Process([])
+    theirs = ros_node.Process([])
     node = ros_node.RosNode(theirs, "n", context=Context())
     executor = bus.MultiThreadedExecutor()
     node.connect("skin/diagnostics")
@@ -319,7 +301,7 @@ def test_a_service_that_hangs_answers_that_it_does(on_stand_in, stand_in, monkey
 
 def test_what_a_part_says_on_tf_does_not_hide_what_the_robot_says(stand_in):
     """Else the gate knows no fixed joint of the robot, and stands while anybody pushes."""
-    theirs, context = Process([]), Context()
+    theirs, context = ros_node.Process([]), Context()
     features, gate = (ros_node.RosNode(theirs, n, context=context) for n in ("features", "gate"))
     frames.publish_static(features, "forearm", "skin", IDENTITY)
     found = frames.hear(gate)
@@ -342,7 +324,7 @@ def test_a_message_that_cannot_be_taken_is_logged_and_counted(on_stand_in, stand
         stand_in.work.put(lambda m=message: stand_in.subscriptions["/t"](m))
     assert seen.get(timeout=20.0) == msg.Float32(2.0)
     assert theirs._thread.is_alive()
-    assert "a message on /t was not taken" in caplog.text
+    assert "callback of a message on /t raised" in caplog.text
     assert node.callback_errors == 1
 
 
@@ -353,7 +335,6 @@ def test_a_process_whose_executor_ends_by_an_exception_fails(stand_in, monkeypat
     logger = logging.getLogger("tactile_skin")
     for name in ("level", "propagate", "handlers"):
         monkeypatch.setattr(logger, name, getattr(logger, name))
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: name == "rclpy")
     monkeypatch.setattr(ros, "_about", lambda name: "")
 
     def work():
@@ -380,7 +361,7 @@ def test_what_ros_cannot_log_harms_nobody(capsys):
     assert "rcl is not initialised" in capsys.readouterr().err
 
 
-def test_what_a_node_of_one_skin_logs_is_logged_by_that():
+def test_what_a_node_of_one_skin_logs_is_logged_by_that(stand_in, monkeypatch):
     said = []
 
     class Node:
@@ -390,13 +371,15 @@ def test_what_a_node_of_one_skin_logs_is_logged_by_that():
         def get_logger(self):
             return self
 
-        def error(self, text):
-            said.append(self.name)
+        def log(self, text, severity):
+            said.append((self.name, severity))
+
+    monkeypatch.setattr(ros_node.rclpy.logging, "get_logger", Node)
 
     handler = ros_node.ToRos()
     handler.nodes = {f"n.{name}.driver": Node(name) for name in ("chest", "back")}
     handler.handle(logging.makeLogRecord({"name": "n.back.driver", "levelno": logging.ERROR}))
-    assert said == ["back"]
+    assert said == [("back", logging.ERROR)]
 
 
 # --- with ROS ---

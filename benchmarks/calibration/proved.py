@@ -18,7 +18,7 @@ from support.lab.unknown import Unknown, UnknownDriven
 from support.strangers.sim import finger
 from support.weights import bodies, objects
 
-from tactile_skin.calibration.proving import LEAST, PALM, Skin
+from tactile_skin.calibration.proving import LEAST, PALM, Tried
 from tactile_skin.calibration.rest import supposing
 from tactile_skin.guide.calibrated import known_of, write
 from tactile_skin.guide.calibration import Guide
@@ -115,7 +115,7 @@ def run(way: str, readout: str, entry: str, value: float, seed: int) -> tuple[bo
         except (ValueError, StopIteration) as error:
             return False, np.nan, str(error)
         skin = read_skin(path)
-    used = Skin(skin.circuit, supposing(guide.rest, skin.circuit), skin.curve, np.empty(0))
+    used = Tried(skin.circuit, supposing(guide.rest, skin.circuit), skin.curve, np.empty(0))
     felt = []
     for _ in range(PALMS):
         at = rng.uniform(1.5, np.subtract(shape, 2.5))

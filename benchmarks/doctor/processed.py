@@ -24,9 +24,8 @@ from support.strangers import sim
 from tactile_skin import Circuit, PressureCurve, diagnose
 from tactile_skin.health.sent import Sent
 from tactile_skin.physics.adc import Adc
-from tactile_skin.readings.processed import Kind, processed
-from tactile_skin.readings.scale import VOLTS, scale_of
-from tactile_skin.readings.scale import Kind as Scale
+from tactile_skin.readings.processed import Done, processed
+from tactile_skin.readings.scale import VOLTS, Numbers, scale_of
 
 from .. import harness
 
@@ -135,16 +134,16 @@ def volts_below_1(board):
 
 
 PROCESSED = {
-    "a baseline taken off": (baseline, {Kind.OFFSET}),
-    "a baseline and a dead band": (dead_band, {Kind.THRESHOLD, Kind.OFFSET}),
-    "a threshold": (threshold, {Kind.THRESHOLD}),
-    "a baseline, and a ceiling": (ceiling, {Kind.OFFSET}),
-    "each frame to 0..255": (each_to_255, {Kind.NORMALISED}),
-    "each frame to 0..1": (each_to_1, {Scale.NORMALISED}),
-    "all frames to 0..1": (all_to_1, {Scale.NORMALISED}),
-    "a baseline, below 0": (negative, {Scale.NEGATIVE}),
-    "volts": (volts, {Scale.VOLTS, Scale.RATIOS_OR_VOLTS}),
-    "volts below 1": (volts_below_1, {Scale.RATIOS_OR_VOLTS}),
+    "a baseline taken off": (baseline, {Done.OFFSET}),
+    "a baseline and a dead band": (dead_band, {Done.THRESHOLD, Done.OFFSET}),
+    "a threshold": (threshold, {Done.THRESHOLD}),
+    "a baseline, and a ceiling": (ceiling, {Done.OFFSET}),
+    "each frame to 0..255": (each_to_255, {Done.NORMALISED}),
+    "each frame to 0..1": (each_to_1, {Numbers.NORMALISED}),
+    "all frames to 0..1": (all_to_1, {Numbers.NORMALISED}),
+    "a baseline, below 0": (negative, {Numbers.NEGATIVE}),
+    "volts": (volts, {Numbers.VOLTS, Numbers.RATIOS_OR_VOLTS}),
+    "volts below 1": (volts_below_1, {Numbers.RATIOS_OR_VOLTS}),
 }
 
 
@@ -200,12 +199,12 @@ SOUND = {
 }
 
 
-def taken_for(steps, bits: int, unresolved: float = 0.0) -> Kind | Scale | None:
+def taken_for(steps, bits: int, unresolved: float = 0.0) -> Done | Numbers | None:
     """What a file of these numbers is taken for."""
     scale = scale_of(np.asarray(steps, float) if steps.dtype.kind == "f" else steps).kind
-    if scale not in (Scale.STEPS, Scale.RATIOS):
+    if scale not in (Numbers.STEPS, Numbers.RATIOS):
         return scale
-    found = processed(steps, bits, unresolved=unresolved) if scale is Scale.STEPS else None
+    found = processed(steps, bits, unresolved=unresolved) if scale is Numbers.STEPS else None
     return found and found.kind
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_skin.learning.gestures import Table, fit, table_of
+from tactile_skin.learning.gestures import Takes, fit, table_of
 from tactile_skin.touch.episode import LIMIT
 from tactile_skin.touch.features import segment
 from tactile_skin.touch.model import common
@@ -52,7 +52,7 @@ def seen(takes: list[Take], board: Board, methods, seed) -> dict[str, list[Take]
     }
 
 
-def right(train: Table, test: Table, seed: int = 0) -> np.ndarray:
+def right(train: Takes, test: Takes, seed: int = 0) -> np.ndarray:
     """Return (takes of `test`,) whether each was named right by what others than its person did."""
     classes, label = np.unique(train.label, return_inverse=True)
     ends = test.end
@@ -120,13 +120,13 @@ def by_change(take: Take) -> Take:
     return take._replace(pictures=np.where(more > LIMIT, more, 0.0))
 
 
-def renamed(table: Table, classes: str) -> Table:
+def renamed(table: Takes, classes: str) -> Takes:
     """Return the rows of "32", "12" or "6" classes, by their names."""
     if classes == "32":
         return table
     names = np.array([GROUP[int(label)] for label in table.label])
     use = np.isin(names, SIX) if classes == "6" else np.ones(len(names), bool)
-    return Table(*(part[use] for part in table._replace(label=names)))
+    return Takes(*(part[use] for part in table._replace(label=names)))
 
 
 def share(ok: np.ndarray) -> tuple[float, float]:
@@ -148,7 +148,7 @@ def main(arguments=None) -> dict:
         figures[name] = share(ok)
         print(f"{name:44} {figures[name][0]:.3f} +- {figures[name][1]:.3f}", flush=True)
 
-    tables: dict[str, dict[str, Table]] = {}
+    tables: dict[str, dict[str, Takes]] = {}
     for name in given.boards:
         takes = _takes(given, name)
         board = Board.of(name, given.seed)
@@ -167,7 +167,7 @@ def main(arguments=None) -> dict:
     scenes, standing = beside(_takes(given, first), given.seed)
     for method, found in seen(scenes, Board.of(first, given.seed), METHODS, given.seed).items():
         table = renamed(tables[first][method], "12")
-        alone = Table(*(part[np.isin(table.label, BESIDE)] for part in table))
+        alone = Takes(*(part[np.isin(table.label, BESIDE)] for part in table))
         note(f"alone, {method}", right(alone, alone))
         changed = table_of([by_change(take) for take in found], _TOGETHER)
         note(f"next to a contact, what changed, {method}", right(alone, renamed(changed, "12")))

@@ -60,7 +60,7 @@ Refit = Callable[[Circuit, Rest], FittedCurve]
 
 
 @dataclass(frozen=True)
-class Skin:
+class Tried:
     """A circuit, the rest by it, and a curve.
 
     Attributes:
@@ -166,7 +166,7 @@ def by_weights(
         pitch: of the cells [m].
     """
     off = np.delete(fitted.off, fitted.odd)
-    used = Skin(circuit, supposing(rest, circuit), fitted.curve, off)
+    used = Tried(circuit, supposing(rest, circuit), fitted.curve, off)
     force = palms(circuit, pitch)
     hardest = float(used.cells(np.asarray(frames), float(np.max(loads))).max())
     error = error_of(fitted.error, hardest, force)
@@ -190,7 +190,7 @@ def by_weights(
     return error, doubt(used, refitted, [*touches, *frames], error, hardest, force)[0]
 
 
-def by_one_weight(skin: Skin, frame, weight: float, touches, known: Known, pitch: float) -> Gain:
+def by_one_weight(skin: Tried, frame, weight: float, touches, known: Known, pitch: float) -> Gain:
     """Return what one weight shows.
 
     Args:
@@ -226,7 +226,7 @@ def by_one_weight(skin: Skin, frame, weight: float, touches, known: Known, pitch
     return Gain(factor, error, *doubt(proved, gained, *by))
 
 
-def _factor(skin: Skin, frame: np.ndarray, weight: float) -> float:
+def _factor(skin: Tried, frame: np.ndarray, weight: float) -> float:
     """Return times what (rows, cols) ADC ratio is felt as it weighs [N]."""
     factor = 1.0
     for _ in range(_ROUNDS):  # the prior of pictures is not quite in proportion to the force
@@ -239,7 +239,7 @@ def _factor(skin: Skin, frame: np.ndarray, weight: float) -> float:
 
 
 def doubt(
-    used: Skin,
+    used: Tried,
     curve_by: CurveBy,
     touches,
     error: float,
@@ -286,7 +286,7 @@ def doubt(
     return "", False
 
 
-def _others(used: Skin, curve_by: CurveBy, touches, most: float) -> Iterator[Skin]:
+def _others(used: Tried, curve_by: CurveBy, touches, most: float) -> Iterator[Tried]:
     """Yield skins of a higher r_par, `most` [ohm] at most, that nothing excludes."""
     said = np.isfinite(_wants(touches, used.circuit, used.rest))
     scale, low = series_scale(used.circuit), used.circuit.r_par
@@ -307,7 +307,7 @@ def _others(used: Skin, curve_by: CurveBy, touches, most: float) -> Iterator[Ski
         if wants > BEYOND:
             continue
         with contextlib.suppress(ValueError):  # some weight does not fit
-            other = Skin(circuit, rest, *curve_by(circuit, rest))
+            other = Tried(circuit, rest, *curve_by(circuit, rest))
             if not _excluded(other.off, used.off):
                 yield other
 

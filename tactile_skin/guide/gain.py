@@ -32,7 +32,7 @@ def measure_gain(guide: Guide, weight: float, skin: SkinConfig) -> float:
     _press(guide, f"2 of 3. Press hard with a fist at {PRESSES} places, each for a moment.")
     frame = _laid(guide, weight)
     stands = as_it_comes(skin.curve, Creep(), skin.creep)
-    used = proving.Skin(skin.circuit, guide.rest, stands, np.empty(0))
+    used = proving.Tried(skin.circuit, guide.rest, stands, np.empty(0))
     proved = skin.proof.by != NOTHING
     known = proving.Known(
         skin.proof.error if proved else None,

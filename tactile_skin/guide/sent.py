@@ -9,7 +9,7 @@ from ..calibration.at_rest import open_up_to
 from ..calibration.rest import HALF_STEP, check_all_is_sent
 from ..health.doctor.usable import DECIMALS
 from ..middleware.config import SkinConfig
-from ..readings.processed import Kind, processed
+from ..readings.processed import Done, processed
 
 GLANCE = 0.5  # s of frames that show it
 
@@ -31,7 +31,7 @@ def check_sent(skin: SkinConfig, rest: np.ndarray, touches: np.ndarray | None = 
     steps = np.where(circuit.populated, steps, np.nan)
     opens = open_up_to(circuit, skin.curve) * circuit.full_scale
     done = processed(steps, circuit.adc_bits, skin.threshold, opens=opens)
-    if done and done.kind is not Kind.CEILING:
+    if done and done.kind is not Done.CEILING:
         raise ValueError(f"{done}. Send what the ADC reads")
     usual = np.nanmedian(np.nanmean(rest, axis=0)[circuit.populated]) * circuit.full_scale
     if usual < HALF_STEP and not opens:

@@ -44,7 +44,7 @@ _RETURNS = 0.9
 _LOUD = 2.0  # times the noise, by which a reading is off
 
 
-class Monitor:
+class SkinMonitor:
     """Follows one skin; all times are of one clock [s]."""
 
     def __init__(self, adc: Adc, threshold: float):

@@ -59,7 +59,7 @@ class Sent(Check):
             done = readings.processed(
                 frames, self._bits, self._known, self._unresolved, opens=seen.opens * self._full
             )
-            if done and done.kind is not readings.Kind.CEILING:
+            if done and done.kind is not readings.Done.CEILING:
                 self._find(done)
 
     def _look_for_short(self, t: float, samples: np.ndarray) -> None:
@@ -69,7 +69,7 @@ class Sent(Check):
         if short:
             self._shorted_since, self._shorted = min(self._shorted_since, t), share
         if t - self._shorted_since >= _EVERY:
-            self._find(readings.Processed(readings.Kind.OFFSET, 0.0, None, self._shorted))
+            self._find(readings.Processed(readings.Done.OFFSET, 0.0, None, self._shorted))
         elif not short:
             self._shorted_since = np.inf
 

@@ -28,7 +28,7 @@ from ..physics.proof import Proof
 from ..solvers import METHODS, Estimate, compensate
 from ..solvers.reading import ROUNDING_NOISE, SCAN_NOISE, rest_reading
 from .check import Seen
-from .monitor import Monitor
+from .monitor import SkinMonitor
 from .standing import STANDS
 
 _LEARNED = "cnn", "physics"  # methods that use weights: they know the circuit of their training
@@ -45,7 +45,7 @@ _ENDED = 1.0  # s for which readings at the end of the range count
 _FOLLOW = 0.1  # share of the usual interval between frames that each frame renews
 
 
-class Skin:
+class Follower:
     """Follows one skin; all times are of one clock [s].
 
     Attributes:
@@ -106,7 +106,7 @@ class Skin:
         self._tracker = CircuitTracker(self.circuit, r_par_std)
         self.proof, self._today = proof, today
         self._scale: tuple[PressureCurve, float] | None = None  # by how which curve rests
-        self._monitor = Monitor(adc, threshold)
+        self._monitor = SkinMonitor(adc, threshold)
         self._last: Estimate | None = None  # the last frame: where the next starts from
         self._rested = -np.inf  # s, of the last frame in which nothing touched
         self._ended = 0  # readings of the last frame at the end of the ADC's range

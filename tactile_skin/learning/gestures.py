@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 from ..extras import each
 from ..touch.episode import FEATURES, SILENCE
 from ..touch.model import CLIP, OTHER, Forest, GestureModel, Logistic, common, sharpened
-from ..touch.recogniser import ENDED, REACH, Gathering, Gesture
+from ..touch.recogniser import ENDED, REACH, Gathering, Ongoing
 from ..touch.take import Take
 
 # s of a gesture after which it is learnt as well: a decision need not wait for its end
@@ -40,7 +40,7 @@ _LOGARITHMS_OF_FORCE = (
 )
 
 
-class Table(NamedTuple):
+class Takes(NamedTuple):
     """Features of many takes, some times into each and at its end."""
 
     features: np.ndarray  # (rows, len(FEATURES))
@@ -59,7 +59,7 @@ class Glances(NamedTuple):
     share: float  # of the take's impulse
 
 
-def table_of(takes: Sequence[Take], reach: float = REACH, track=iter, jobs: int = 1) -> Table:
+def table_of(takes: Sequence[Take], reach: float = REACH, track=iter, jobs: int = 1) -> Takes:
     """Return the features of takes; those without a touch are left out.
 
     Args:
@@ -75,7 +75,7 @@ def table_of(takes: Sequence[Take], reach: float = REACH, track=iter, jobs: int 
             where += [number] * (len(seen.early) + 1)
             weight += [seen.share / max(len(seen.early), 1)] * len(seen.early) + [seen.share]
             end += [False] * len(seen.early) + [k == 0]
-    return Table(
+    return Takes(
         np.array(features).reshape(-1, len(FEATURES)),
         np.array([takes[k].label for k in where], object).astype(str),
         np.array([takes[k].person for k in where], object).astype(str),
@@ -91,7 +91,7 @@ def glances(take: Take, reach: float = REACH) -> list[Glances]:
     silence = [nothing] * (math.ceil(SILENCE / take.period) + 1)
     gathering.update(0.0, nothing)
     early: dict[int, list[np.ndarray]] = {}
-    ended: list[Gesture] = []
+    ended: list[Ongoing] = []
     for k, picture in enumerate([*take.pictures, *silence], 1):
         for gesture in gathering.update(k * take.period, picture):
             rows = early.setdefault(gesture.id, [])
@@ -108,7 +108,7 @@ def glances(take: Take, reach: float = REACH) -> list[Glances]:
     ]
 
 
-def train(table: Table, about: dict, trees: int = TREES) -> GestureModel:
+def train(table: Takes, about: dict, trees: int = TREES) -> GestureModel:
     """Train a recogniser on two classes or more, two takes of each.
 
     Raises:
@@ -120,7 +120,7 @@ def train(table: Table, about: dict, trees: int = TREES) -> GestureModel:
     return GestureModel(tuple(map(str, classes)), forest, logistic, sharpness, about)
 
 
-def sharpness_of(table: Table, shares: np.ndarray) -> float:
+def sharpness_of(table: Takes, shares: np.ndarray) -> float:
     """Return the exponent by which shares (rows, classes) are as sure as they are right."""
     label = np.unique(table.label, return_inverse=True)[1]
     right = float(np.average(shares.argmax(1) == label, weights=table.weight))
@@ -135,7 +135,7 @@ def sharpness_of(table: Table, shares: np.ndarray) -> float:
     return float(brentq(too_sure, low, high)) if too_sure(low) < 0.0 else low
 
 
-def left_out(table: Table, trees: int = TREES) -> np.ndarray:
+def left_out(table: Takes, trees: int = TREES) -> np.ndarray:
     """Return (rows, classes) shares of each row by a forest and a line that knew not its person.
 
     Where a gesture is of one person only, by those that knew not its take.
@@ -152,7 +152,7 @@ def left_out(table: Table, trees: int = TREES) -> np.ndarray:
     return shares
 
 
-def _folds(table: Table) -> np.ndarray:
+def _folds(table: Takes) -> np.ndarray:
     """Return the group of each row: of people, or of takes if one person made a gesture."""
     person = np.unique(table.person, return_inverse=True)[1]
     alone = any(len(np.unique(person[table.label == label])) == 1 for label in set(table.label))
@@ -160,7 +160,7 @@ def _folds(table: Table) -> np.ndarray:
 
 
 def fit(
-    table: Table, label: np.ndarray, use: np.ndarray, trees: int = TREES, seed: int = 0
+    table: Takes, label: np.ndarray, use: np.ndarray, trees: int = TREES, seed: int = 0
 ) -> tuple[Forest, Logistic]:
     """Fit a forest and a line to some rows of a table.
 

@@ -7,7 +7,7 @@ import datetime
 from collections.abc import Callable
 
 from ..findings.finding import BESIDE_THE_REST, Finding, Kind
-from ..health.skin import Skin
+from ..health.skin import Follower
 from ..learning import network
 from ..middleware.bus import DurabilityPolicy, QoSProfile
 from ..middleware.config import (
@@ -48,7 +48,7 @@ _OLD = 0.05  # s from which on a reading is old news: half of `stale_after`
 _APART = 0.02  # s apart that old ones are taken, for the stop to know that there are readings
 
 
-def skin_of(given: Parameters, warn: Callable[[str], None]) -> Skin:
+def skin_of(given: Parameters, warn: Callable[[str], None]) -> Follower:
     """Return the skin that the parameters of compensation describe.
 
     Raises:
@@ -60,7 +60,7 @@ def skin_of(given: Parameters, warn: Callable[[str], None]) -> Skin:
     weights = network.load(given.weights) if given.weights else None
     if weights:
         weights.check(circuit, curve)
-    return Skin(
+    return Follower(
         adc,
         curve,
         creep_of(given.curve),

@@ -14,7 +14,7 @@ from ..behaviours.gate import GateConfig
 from ..behaviours.stop import PushLimits, StopConfig
 from ..board.formats import PROTOCOLS, fields
 from ..fields import group, leaves, parameter
-from .shared import Circuit, Curve, Framed, Geometry, Shared, Skin
+from .shared import Circuit, Curve, Framed, Geometry, Shared, SkinDescription
 
 # Those of `solvers.METHODS`, which takes as long to import as all the rest; a test compares them.
 METHODS = "naive", "fixed_point", "newton", "map", "cnn", "physics", "auto"
@@ -186,7 +186,7 @@ class Monitor:
 
 
 @dataclasses.dataclass(frozen=True)
-class View(Skin):
+class View(SkinDescription):
     """Started by view:=true."""
 
     skins: list[str] = parameter([""], "", SKINS)

@@ -166,7 +166,7 @@ class Framed:
 
 
 @dataclasses.dataclass(frozen=True)
-class Skin:
+class SkinDescription:
     """What a skin is."""
 
     circuit: Circuit = group(Circuit)
@@ -175,5 +175,5 @@ class Skin:
 
 
 @dataclasses.dataclass(frozen=True)
-class Shared(Skin, Framed):
+class Shared(SkinDescription, Framed):
     """What several nodes must agree on."""

@@ -40,7 +40,7 @@ _MOVES = 0.95  # share of the frames in which one cell is at an end, at most
 SEVERAL = 10  # frames, at least, that show it
 
 
-class Kind(Enum):
+class Done(Enum):
     """What was done to readings."""
 
     OFFSET = "an offset was taken off"
@@ -52,22 +52,22 @@ class Kind(Enum):
 class Processed(NamedTuple):
     """What was done to the readings of a board."""
 
-    kind: Kind  # the first that shows
+    kind: Done  # the first that shows
     level: float  # below which there is none but 0, or where each frame ends [ADC steps]
     ceiling: float | None  # where many end [ADC steps]; None: nowhere
     share: float  # of the readings that are exactly 0
 
     def __str__(self) -> str:
-        if self.kind is Kind.NORMALISED:
+        if self.kind is Done.NORMALISED:
             return (
                 f"these are not ADC readings: each frame reaches from 0 to "
                 f"{self.level:g}: normalised"
             )
         top = "" if self.ceiling is None else f"a ceiling at {self.ceiling:g}"
-        if self.kind is Kind.CEILING:
+        if self.kind is Done.CEILING:
             return f"many readings are exactly {self.ceiling:g} ADC steps, none is above: {top}?"
         seen = f"{self.share:.0%} are exactly 0"
-        if self.kind is Kind.THRESHOLD:
+        if self.kind is Done.THRESHOLD:
             seen += f", and none lies between that and {self.level:g}: a threshold"
         else:
             seen += (
@@ -104,7 +104,7 @@ def processed(
         return None
     steps = steps[:, live]
     if _is_stretched(steps):
-        return Processed(Kind.NORMALISED, float(steps.max()), None, float(np.mean(steps == 0.0)))
+        return Processed(Done.NORMALISED, float(steps.max()), None, float(np.mean(steps == 0.0)))
     top, at_zero = float(steps.max()), steps == 0.0
     share = float(at_zero.mean())
     ceiling = _ceiling(steps, adc_bits)
@@ -112,15 +112,15 @@ def processed(
         level = _gap(steps[~at_zero])
         if level is not None:
             known = level <= max(threshold, opens) + _GAP
-            return None if known else Processed(Kind.THRESHOLD, level, ceiling, share)
+            return None if known else Processed(Done.THRESHOLD, level, ceiling, share)
         if opens:
             return None
         least = _mean(steps) + max(_HALF_STEP, unresolved)
         if ceiling is not None or top > _MOST_FALL * least or _is_cut(steps, unresolved):
-            return Processed(Kind.OFFSET, 0.0, ceiling, share)
+            return Processed(Done.OFFSET, 0.0, ceiling, share)
         return None
     if ceiling is not None:
-        return Processed(Kind.CEILING, 0.0, ceiling, share)
+        return Processed(Done.CEILING, 0.0, ceiling, share)
     return None
 
 

@@ -21,7 +21,7 @@ _ON_GRID = 0.02  # of an ADC step by which a ratio may miss a whole number of st
 _MOSTLY = 0.9  # share of the frames that reach both ends, where each was normalised
 
 
-class Kind(Enum):
+class Numbers(Enum):
     """What numbers are."""
 
     STEPS = "ADC steps"
@@ -35,7 +35,7 @@ class Kind(Enum):
 class Scale(NamedTuple):
     """What the numbers of some frames are."""
 
-    kind: Kind  # of them
+    kind: Numbers  # of them
     # low, high: the smallest and the largest
     low: float
     high: float
@@ -44,15 +44,15 @@ class Scale(NamedTuple):
     def refused(self) -> str:
         """Return why these are not what an ADC reads; empty if they may be."""
         ends = f"numbers from {self.low:.4g} to {self.high:.4g}"
-        if self.kind is Kind.NEGATIVE:
+        if self.kind is Numbers.NEGATIVE:
             return (
                 f"{ends}: an ADC reads nothing below 0. Was a baseline subtracted? Must be what "
                 "the ADC reads"
             )
-        if self.kind is Kind.NORMALISED:
+        if self.kind is Numbers.NORMALISED:
             what = "each frame reaches" if self.each else "the file reaches"
             return f"{what} from exactly 0 to exactly 1: normalised, must be what the ADC reads"
-        if self.kind in (Kind.VOLTS, Kind.RATIOS_OR_VOLTS):
+        if self.kind in (Numbers.VOLTS, Numbers.RATIOS_OR_VOLTS):
             return (
                 f"{ends}: {self.kind.value}? Say what an input at the supply reads: "
                 "full_scale:=5.0 of volts, full_scale:=1.0 of ratios"
@@ -64,25 +64,25 @@ def scale_of(values: np.ndarray) -> Scale:
     """Return what the numbers of frames (n, rows, cols) are; NaN: not read."""
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     if low < 0.0:
-        return Scale(Kind.NEGATIVE, low, high)
+        return Scale(Numbers.NEGATIVE, low, high)
     if values.dtype.kind != "f" or high > VOLTS:
-        return Scale(Kind.STEPS, low, high)
+        return Scale(Numbers.STEPS, low, high)
     flat = values[~np.isnan(values)]
     flat = flat[:: max(1, flat.size // _SAMPLE)]
     if (flat == np.rint(flat)).all() and high > 1.0:
-        return Scale(Kind.STEPS, low, high)
+        return Scale(Numbers.STEPS, low, high)
     if high > 1.0:
-        return Scale(Kind.VOLTS, low, high)
+        return Scale(Numbers.VOLTS, low, high)
     with np.errstate(all="ignore"):
         ends = np.nanmin(values, (1, 2)) == 0.0, np.nanmax(values, (1, 2)) == 1.0
     if (ends[0] & ends[1]).mean() > _MOSTLY and len(values) > 1:
-        return Scale(Kind.NORMALISED, low, high, each=True)
+        return Scale(Numbers.NORMALISED, low, high, each=True)
     if (low, high) == (0.0, 1.0):
-        return Scale(Kind.NORMALISED, low, high)
+        return Scale(Numbers.NORMALISED, low, high)
     printed = np.abs(flat * _PRINTED - np.rint(flat * _PRINTED)).max(initial=0.0) < _DECIMALS
     if printed and not any(_on_grid(flat, bits) for bits in _WIDTHS):
-        return Scale(Kind.RATIOS_OR_VOLTS, low, high)
-    return Scale(Kind.RATIOS, low, high)
+        return Scale(Numbers.RATIOS_OR_VOLTS, low, high)
+    return Scale(Numbers.RATIOS, low, high)
 
 
 def _on_grid(ratios: np.ndarray, bits: int) -> bool:

@@ -16,11 +16,11 @@ from ..middleware.config import SkinConfig, read_skin
 from ..physics.adc import NOT_READ, Adc
 from ..physics.circuit import Circuit
 from ..readings.processed import processed, sample_of
-from ..readings.scale import Kind, scale_of, without_sentinel
+from ..readings.scale import Numbers, scale_of, without_sentinel
 from .columns import is_time_name, spread
 from .lines import read_text
 from .reader import Recording
-from .tables import Found, Table, by_part, frames_of, keep
+from .tables import Found, Rows, by_part, frames_of, keep
 
 _PICKLES = (".pkl", ".pickle", ".p")
 _PICKLED = b"\x80"  # what a pickle begins with
@@ -132,7 +132,7 @@ def _scaled(found: Frames, circuit: Circuit, full_scale: float | None) -> Frames
     if absent:
         found.notes.append(f"{absent} numbers of -1: taken as not read")
     scale = scale_of(found.values)
-    if full_scale is not None and scale.kind is not Kind.NEGATIVE:
+    if full_scale is not None and scale.kind is not Numbers.NEGATIVE:
         if not full_scale > 0.0:
             raise ValueError(f"full_scale = {full_scale!r}: must be above 0")
         if (top := float(np.nanmax(found.values, initial=0.0))) > full_scale:
@@ -143,13 +143,13 @@ def _scaled(found: Frames, circuit: Circuit, full_scale: float | None) -> Frames
         return found
     if refused := scale.refused():
         raise FileError(f"{found.path}: {refused}")
-    if scale.kind is Kind.STEPS:
+    if scale.kind is Numbers.STEPS:
         seen = np.where(circuit.populated, sample_of(found.values), np.nan)
         if done := processed(seen, circuit.adc_bits):
             found.notes.append(str(done))
         elif by_part(partial(_has_decimals, circuit), found.values).any():
             found.notes.append(f"decimals up to {scale.high:.4g}: taken as means of ADC steps")
-    if scale.kind is Kind.RATIOS:
+    if scale.kind is Numbers.RATIOS:
         found.are_ratios = True
         found.notes.append(f"numbers up to {scale.high:.3g}: taken as ratios")
     return found
@@ -256,7 +256,7 @@ def _of_array(path, values: np.ndarray, circuit: Circuit) -> Found:
     if values.ndim == 3 and values.shape[:2] == shape:
         return Found(np.moveaxis(values, -1, 0), None, ["the last axis is taken as the frames"])
     if values.ndim == 2:
-        return frames_of(Table.of_numbers(values), circuit)
+        return frames_of(Rows.of_numbers(values), circuit)
     raise _wrong_size(path, given, circuit)
 
 

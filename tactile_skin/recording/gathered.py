@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .columns import MOST
-from .tables import Table
+from .tables import Rows
 
 _AT_ONCE = 1 << 17  # numbers that are taken into the table together, 1 MiB
 _GROWTH = 0.125  # share of a table that is asked for ahead; memory that is not touched is not used
@@ -112,7 +112,7 @@ class Gathered:
             self._numbers[: self._n, k] = np.concatenate(parts)
         self._finer = {}
 
-    def table(self, width: int, header: list[str]) -> Table:
+    def table(self, width: int, header: list[str]) -> Rows:
         """Return the lines, of `width` fields without a last one that is empty."""
         self._take()
         self._numbers.resize((self._n, self._width), refcheck=False)
@@ -124,6 +124,6 @@ class Gathered:
             if words or ((k < MOST or k >= width - MOST) and np.isnan(numbers[:, k]).any()):
                 texts[k] = np.array([*words, *[""] * (self._n - len(words))], object)
         finer = {k: np.concatenate(parts) for k, parts in self._finer.items() if k < width}
-        return Table(
+        return Rows(
             numbers, numbered, runs, damaged.astype(bool), header, texts, middle.astype(bool), finer
         )

@@ -268,15 +268,14 @@ class Recording:
         self._undeclared.clear()
         with self.path.open("rb") as file:
             good = file.seek(start)
-            reader = library.stream_reader.StreamReader(file, skip_magic=True, emit_chunks=True)
-            records = reader.records
+            records = library.stream_reader.StreamReader(
+                file, skip_magic=True, emit_chunks=True, record_size_limit=size
+            ).records
             while good < stop:
                 try:
                     record = next(records)
-                except StopIteration:  # it ends as it should
-                    whole = True
-                    break
-                except Exception:  # cut off, or damaged: whatever wrong bytes lead to
+                except Exception as error:  # cut off, or damaged: whatever wrong bytes lead to
+                    whole = isinstance(error, StopIteration)  # it ends as it should
                     break
                 found = [record]
                 if isinstance(record, library.records.Chunk):

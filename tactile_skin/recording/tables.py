@@ -20,7 +20,7 @@ _NUMBERED = 16  # cells of which no reading looks like a header that numbers the
 
 
 @dataclass
-class Table:
+class Rows:
     """Lines of one width."""
 
     numbers: np.ndarray  # (n, width); NaN: nothing there, or text
@@ -36,12 +36,12 @@ class Table:
     finer: dict[int, np.ndarray] = field(default_factory=dict)
 
     @classmethod
-    def of_numbers(cls, numbers: np.ndarray) -> Table:
+    def of_numbers(cls, numbers: np.ndarray) -> Rows:
         """Return an array's lines, of which none is damaged."""
         n = len(numbers)
         return cls(numbers, np.arange(1, n + 1), np.zeros(n, int), np.zeros(n, bool))
 
-    def part(self, lines: slice) -> Table:
+    def part(self, lines: slice) -> Rows:
         return replace(
             self,
             numbers=self.numbers[lines],
@@ -98,7 +98,7 @@ def number(word: str) -> float:
     return value if np.isfinite(value) else np.nan
 
 
-def frames_of(table: Table, circuit: Circuit) -> Found:
+def frames_of(table: Rows, circuit: Circuit) -> Found:
     """Return the frames of a table.
 
     Raises:
@@ -208,7 +208,7 @@ def _places(numbers: np.ndarray, circuit: Circuit) -> bool:
     return False
 
 
-def _layout(table: Table, circuit: Circuit) -> _Layout:
+def _layout(table: Rows, circuit: Circuit) -> _Layout:
     """By the width, whose fewest columns are no cells."""
     width, (rows, cols) = table.numbers.shape[1], circuit.shape
     ways = [(rows * cols, 1, False), (cols, rows, False), (rows, cols, True)]
@@ -230,7 +230,7 @@ def _layout(table: Table, circuit: Circuit) -> _Layout:
     return min(found, key=lambda layout: layout.others)
 
 
-def _written(table: Table, layout: _Layout, notes: list[str]) -> Table:
+def _written(table: Rows, layout: _Layout, notes: list[str]) -> Rows:
     """Without the zeros at its end that a buffer held which was never filled."""
     zero = by_part(lambda part: (part == 0.0).sum(1), table.numbers) >= layout.cells
     last = int(np.flatnonzero(~zero)[-1]) + 1 if not zero.all() else len(zero)
@@ -242,7 +242,7 @@ def _written(table: Table, layout: _Layout, notes: list[str]) -> Table:
     return table.part(slice(last))
 
 
-def _with_text(table: Table, cells: range) -> np.ndarray:
+def _with_text(table: Rows, cells: range) -> np.ndarray:
     """(n,) bool: lines with text where a cell's number should be."""
     found = np.zeros(len(table.numbers), bool) if table.middle is None else table.middle
     for k in cells:

@@ -145,7 +145,7 @@ class Named(NamedTuple):
     duration: float  # [s]
 
 
-class Gesture:
+class Ongoing:
     """One gesture as it goes on: the touches that belong together, and what they did so far."""
 
     def __init__(self, number: int, episode: Episode, start: float):
@@ -193,7 +193,7 @@ class _Background(NamedTuple):
     force: float  # [N] when it became background
 
     @classmethod
-    def of(cls, gesture: Gesture) -> _Background:
+    def of(cls, gesture: Ongoing) -> _Background:
         own = gesture.episode.last > 0.0
         wide = np.pad(own, 1)
         for axis in (0, 1):
@@ -208,10 +208,10 @@ class Gathering:
         self.cells, self.reach = Cells(pitch), reach
         self._ids = 0
         self._pictures = Pictures(self.cells)
-        self._active: list[Gesture] = []
+        self._active: list[Ongoing] = []
         self._background: list[_Background] = []
 
-    def update(self, t: float, force: np.ndarray, std: np.ndarray | float = 0.0) -> list[Gesture]:
+    def update(self, t: float, force: np.ndarray, std: np.ndarray | float = 0.0) -> list[Ongoing]:
         """Take a frame; return the gestures that go on or have just ended, if it ends a picture.
 
         After a pause of frames those before it have ended.
@@ -219,14 +219,14 @@ class Gathering:
         picture = self._pictures.update(t, force, std)
         if picture is None:
             return []
-        lost: list[Gesture] = []
+        lost: list[Ongoing] = []
         if picture.first:
             lost, self._active, self._background = self._active, [], []
             for gesture in lost:
                 gesture.state, gesture.force = ENDED, 0.0
         return lost + self._picture(t, picture.force, picture.period)
 
-    def _picture(self, t: float, force: np.ndarray, period: float) -> list[Gesture]:
+    def _picture(self, t: float, force: np.ndarray, period: float) -> list[Ongoing]:
         cells, owner, n = segment(force, TOUCHED)
         flat, cols = force.ravel(), force.shape[1]
         touches = [cells[owner == k] for k in range(n)]
@@ -237,7 +237,7 @@ class Gathering:
             if gesture is None:
                 self._ids = self._ids % (IDS - 1) + 1
                 episode = Episode(force.shape, self.cells.pitch, period)
-                gesture = Gesture(self._ids, episode, t)
+                gesture = Ongoing(self._ids, episode, t)
                 self._active.append(gesture)
             gesture.cells = np.union1d(gesture.cells, touch)
             parts.setdefault(gesture.id, []).append(touch)
@@ -274,7 +274,7 @@ class Gathering:
         self._background = kept
         return [touches[k] for k in free]
 
-    def _belongs_to(self, touch: np.ndarray, cols: int) -> Gesture | None:
+    def _belongs_to(self, touch: np.ndarray, cols: int) -> Ongoing | None:
         """Return the gesture that has touched nearest to this touch, within reach."""
         nearest, least = None, self.reach
         rows, columns = np.divmod(touch, cols)
@@ -341,7 +341,7 @@ class Recogniser:
             )
         return named
 
-    def _judge(self, gesture: Gesture, opinion: _Opinion) -> bool:
+    def _judge(self, gesture: Ongoing, opinion: _Opinion) -> bool:
         """Ask the model; return whether the gesture has a label that it had not."""
         episode, final = gesture.episode, gesture.state == ENDED
         if not final and episode.duration < opinion.due:

@@ -10,7 +10,7 @@ from tactile_skin import Circuit
 from tactile_skin.findings.finding import Finding, Kind
 from tactile_skin.health.check import Seen
 from tactile_skin.health.doubt import Doubt
-from tactile_skin.health.monitor import Monitor
+from tactile_skin.health.monitor import SkinMonitor
 from tactile_skin.physics.adc import Adc
 
 FRAME = 0.01  # s
@@ -140,7 +140,7 @@ def test_a_clock_that_is_set_back_keeps_a_fault_no_longer_than_its_rest(skin):
 def test_one_frame_that_misses_a_standing_touch_by_much_is_a_fault(times, stands, stops):
     """A touch that moves is read row by row: it misses by less than it has changed."""
     circuit = Circuit(4, 4)
-    monitor, residual = Monitor(Adc(circuit), 0.0), 0.5 * times
+    monitor, residual = SkinMonitor(Adc(circuit), 0.0), 0.5 * times
     misfit = Finding(Kind.MISFIT, numbers={"residual": residual, "times": times})
     sound = {"status": "ok", "finding": None, "message": "", "residual": 0.5}
     wrong = {"status": "suspect", "finding": misfit, "message": "wrong", "residual": residual}

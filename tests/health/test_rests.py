@@ -9,7 +9,7 @@ from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.board.text import TextParser
 from tactile_skin.calibration.at_rest import NO_REST, odd_cell
 from tactile_skin.findings.finding import Kind
-from tactile_skin.health.monitor import Monitor
+from tactile_skin.health.monitor import SkinMonitor
 from tactile_skin.physics.adc import Adc
 from tactile_skin.readings.processed import processed
 from tactile_skin.solvers.suspect import LIGHTER
@@ -82,7 +82,7 @@ def test_cells_that_conduct_less_than_at_rest_are_named(readout, share, explaine
 @pytest.mark.parametrize(("hertz", "stops"), [(5.0, False), (0.5, True)])
 def test_they_stop_a_robot_where_they_stay(hertz, stops):
     adc, read, rest, estimate = _lighter("floating", 0.7)
-    monitor = Monitor(adc, 0.0)
+    monitor = SkinMonitor(adc, 0.0)
     calm = compensate(rest, adc.circuit, CURVE, "map", noise=0.3)
     for k in range(300):
         low = k > 40 and (k / 100.0 * hertz) % 1.0 < 0.5

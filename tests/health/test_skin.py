@@ -10,7 +10,7 @@ from tactile_skin import Circuit, PressureCurve, forward
 from tactile_skin.findings.finding import Kind
 from tactile_skin.health import skin as skin_module
 from tactile_skin.health.doctor import played
-from tactile_skin.health.skin import Skin
+from tactile_skin.health.skin import Follower
 from tactile_skin.physics.adc import Adc
 from tactile_skin.physics.creep import Creep
 from tactile_skin.physics.proof import Proof
@@ -40,7 +40,7 @@ class Board:
         self.rng, self.t, self.warnings = np.random.default_rng(40), 0.0, []
         self.rest = np.exp(0.03 * self.rng.standard_normal(CIRCUIT.shape))
         given = GIVEN | given
-        self.skin = Skin(
+        self.skin = Follower(
             Adc(CIRCUIT), curve, Creep(), weights=None, warn=self.warnings.append, **given
         )
         self.skin.use(method)
@@ -233,7 +233,7 @@ def test_a_sound_fabric_whose_cells_read_alike_does_not_wait_for_ever():
 @pytest.mark.parametrize(("r_ref", "warns"), [(1780.0, False), (200e3, True)])
 def test_it_warns_of_readings_that_read_like_a_short_circuit_under_any_force(r_ref, warns):
     circuit = Circuit(8, 8, r_ref=r_ref, adc_bits=8)
-    skin = Skin(Adc(circuit), CURVE, Creep(), weights=None, warn=print, **GIVEN)
+    skin = Follower(Adc(circuit), CURVE, Creep(), weights=None, warn=print, **GIVEN)
     skin.use("auto")
     force = scenes.finger(8, 8, 4.0, 3.0, 9.0)
     adc = forward(circuit, CURVE.resistance(force))

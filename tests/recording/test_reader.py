@@ -4,6 +4,7 @@
 import dataclasses
 import inspect
 import struct
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -105,6 +106,19 @@ def test_an_index_that_is_damaged_is_done_without(tmp_path):
             np.testing.assert_array_equal(found.adc, frames)
         except FileError as error:
             assert str(path) in str(error)
+
+
+def test_a_record_that_claims_more_than_the_file_takes_no_memory(tmp_path):
+    """A length that lost power in the middle of it may be any: what comes before is read."""
+    path = recorded.write(tmp_path / "a.mcap", recorded.samples(12), chunk=3, close=False)
+    with path.open("ab") as file:
+        file.write(b"\x05" + struct.pack("<Q", 2**31) + bytes(22))  # a message
+    tracemalloc.start()
+    found = Recording(path)
+    assert len(found.adc) == 12
+    assert "ends without an index: its last 31 bytes are no" in found.damage
+    assert tracemalloc.get_traced_memory()[1] < 2**27  # bytes
+    tracemalloc.stop()
 
 
 @pytest.mark.parametrize(

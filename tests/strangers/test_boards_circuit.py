@@ -21,7 +21,7 @@ from tactile_skin import (
     identify,
     measure_rest,
 )
-from tactile_skin.health.skin import Skin
+from tactile_skin.health.skin import Follower
 from tactile_skin.middleware.config import read_skin
 from tactile_skin.physics import readouts
 from tactile_skin.physics.adc import TABLES, Adc
@@ -31,11 +31,11 @@ from tactile_skin.physics.proof import Proof
 CURVE = PressureCurve()
 
 
-def skin_of(adc: Adc, **given) -> Skin:
+def skin_of(adc: Adc, **given) -> Follower:
     usual = {"r_par_std": None, "follows": True, "noise": None, "threshold": 0.0}
     usual |= {"time_limit": 60.0, "weights": None, "warn": lambda text: None}
     usual |= {"proof": Proof(), "today": datetime.date(2026, 11, 28)}
-    skin = Skin(adc, CURVE, Creep(), **(usual | given))
+    skin = Follower(adc, CURVE, Creep(), **(usual | given))
     skin.use("auto")
     return skin
 

@@ -8,7 +8,7 @@ from support.strangers import sim
 from tactile_skin import Circuit
 from tactile_skin.cli import main
 from tactile_skin.errors import FileError
-from tactile_skin.readings.scale import Kind, scale_of
+from tactile_skin.readings.scale import Numbers, scale_of
 from tactile_skin.recording.frames import read_frames
 
 CIRCUIT = Circuit(8, 8, r_ref=10e3, r_par=140.0)
@@ -182,12 +182,12 @@ def normalised(steps, axis):
 
 
 PROCESSED = {
-    "volts": (lambda steps: np.round(steps * 3.3 / 1023, 3), Kind.VOLTS),
-    "volts below 1": (lambda steps: np.round(steps / 1023 * 0.9, 3), Kind.RATIOS_OR_VOLTS),
-    "ratios of three decimals": (lambda s: np.round(s / 1023, 3), Kind.RATIOS_OR_VOLTS),
-    "normalised, each frame": (lambda steps: normalised(steps, (1, 2)), Kind.NORMALISED),
-    "normalised together": (lambda steps: normalised(steps, (0, 1, 2)), Kind.NORMALISED),
-    "a baseline subtracted": (lambda steps: steps - steps[:20].mean(0), Kind.NEGATIVE),
+    "volts": (lambda steps: np.round(steps * 3.3 / 1023, 3), Numbers.VOLTS),
+    "volts below 1": (lambda steps: np.round(steps / 1023 * 0.9, 3), Numbers.RATIOS_OR_VOLTS),
+    "ratios of three decimals": (lambda s: np.round(s / 1023, 3), Numbers.RATIOS_OR_VOLTS),
+    "normalised, each frame": (lambda steps: normalised(steps, (1, 2)), Numbers.NORMALISED),
+    "normalised together": (lambda steps: normalised(steps, (0, 1, 2)), Numbers.NORMALISED),
+    "a baseline subtracted": (lambda steps: steps - steps[:20].mean(0), Numbers.NEGATIVE),
 }
 
 

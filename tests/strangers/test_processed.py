@@ -12,7 +12,7 @@ from support.strangers import sim
 
 from tactile_skin import Circuit, diagnose
 from tactile_skin.cli import main
-from tactile_skin.readings.processed import Kind, processed
+from tactile_skin.readings.processed import Done, processed
 from tactile_skin.recording.frames import read_frames
 
 DATA = Path(__file__).parents[1] / "data"
@@ -43,12 +43,12 @@ def each_stretched(steps):
 
 
 DONE = {
-    "an offset": (zeroed, Kind.OFFSET, None),
-    "an offset and a dead band": (lambda s: cut_below(zeroed(s), 30), Kind.THRESHOLD, None),
-    "a threshold": (lambda s: cut_below(s, np.quantile(s[0], 0.9) + 4), Kind.THRESHOLD, None),
-    "an offset and a ceiling": (lambda s: np.minimum(zeroed(s), 150), Kind.OFFSET, 150.0),
-    "a ceiling": (lambda s: np.minimum(s, 700), Kind.CEILING, 700.0),
-    "each frame": (each_stretched, Kind.NORMALISED, None),
+    "an offset": (zeroed, Done.OFFSET, None),
+    "an offset and a dead band": (lambda s: cut_below(zeroed(s), 30), Done.THRESHOLD, None),
+    "a threshold": (lambda s: cut_below(s, np.quantile(s[0], 0.9) + 4), Done.THRESHOLD, None),
+    "an offset and a ceiling": (lambda s: np.minimum(zeroed(s), 150), Done.OFFSET, 150.0),
+    "a ceiling": (lambda s: np.minimum(s, 700), Done.CEILING, 700.0),
+    "each frame": (each_stretched, Done.NORMALISED, None),
 }
 
 
@@ -123,7 +123,7 @@ def test_recordings_of_others():
     garment = np.load(DATA / "garment_textile.npz")
     for name in garment.files:
         found = processed(garment[name], 12)
-        assert found.kind is Kind.OFFSET and "not ADC readings" in str(found)
+        assert found.kind is Done.OFFSET and "not ADC readings" in str(found)
     assert processed(garment["trousers"], 12).ceiling == 500.0
     insole = np.load(DATA / "insole_floating.npz")["counts"].astype(float)
     insole = np.where(insole < 0, np.nan, insole)

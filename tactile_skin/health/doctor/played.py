@@ -10,14 +10,14 @@ import numpy as np
 
 from ...findings.finding import Finding
 from ...physics.adc import NOT_READ, Adc
-from ..skin import Skin
+from ..skin import Follower
 
 _RATE = 50.0  # frames a second of a recording that has no times, as boards send
 _ENOUGH = 50  # frames with one reason: those that nothing explains take longest
 
 
 def stopped_by(
-    skin: Skin, adc: Adc, frames: Iterable[np.ndarray], times=None
+    skin: Follower, adc: Adc, frames: Iterable[np.ndarray], times=None
 ) -> tuple[Finding, float] | None:
     """Play frames through a skin, and return why it stopped the robot for longest.
 

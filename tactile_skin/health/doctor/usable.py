@@ -10,8 +10,7 @@ from ...calibration.rest import NOISY, resting_conductance
 from ...calibration.touched import MOVED
 from ...findings.finding import Finding, Kind, at
 from ...readings.multiplied import is_multiplied
-from ...readings.processed import AT_END
-from ...readings.processed import Kind as Done
+from ...readings.processed import AT_END, Done
 from ...readings.processed import processed as processing
 from .order import equal_lines
 from .readings import SEVERAL_CELLS

@@ -46,6 +46,7 @@ class Node:
     """
 
     waits = False
+    publisher_class: type[Publisher] = Publisher
 
     def __init__(
         self,
@@ -120,7 +121,8 @@ class Node:
     # what a node is made of
 
     def create_publisher(self, msg_type, topic: str, qos_profile: QoSProfile | int) -> Publisher:
-        publisher = Publisher(self, msg_type, self.resolve_topic_name(topic), as_qos(qos_profile))
+        name = self.resolve_topic_name(topic)
+        publisher = self.publisher_class(self, msg_type, name, as_qos(qos_profile))
         self._publishers.append(publisher)
         return publisher
 

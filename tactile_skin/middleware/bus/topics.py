@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from .node import Node
 
 
-class DurabilityPolicy(enum.Enum):
+class DurabilityPolicy(enum.IntEnum):
     VOLATILE = 2
     TRANSIENT_LOCAL = 1
 
 
-class ReliabilityPolicy(enum.Enum):
+class ReliabilityPolicy(enum.IntEnum):
     RELIABLE = 1
     BEST_EFFORT = 2
 

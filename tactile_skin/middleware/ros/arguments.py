@@ -4,7 +4,10 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import re
+from collections.abc import Iterator
+from typing import Any
 
 from ...files import shorten
 from ...yaml_files import parse_yaml
@@ -14,55 +17,58 @@ from ..parameter_file import CONFIG, ParameterFile
 
 PARAMS_FILE = "--params-file"
 _LAUNCH_ROS = "launch_params_"  # how launch_ros names the files that it writes
-_NODE = r"(?:(?P<node>[A-Za-z_]\w*):(?!//))?"
-_RULE = re.compile(_NODE + r"(?P<name>[^:\s]+):=(?P<to>\S+)")
-_VALUE = re.compile(_NODE + r"(?P<name>[^:\s]+):=(?P<to>.*)", re.DOTALL)
+_RULE = r"(?:([A-Za-z_]\w*):(?!//))?([^:\s]+):="  # node, name
 
 
 @dataclasses.dataclass
 class RosArguments:
-    """Each with the name of the node that it is for; None: for every node of the process."""
+    """What is given, each with the name of the node that it is for; None: for every node.
 
-    parameters: list[tuple[str | None, ParameterFile | Parameter]] = dataclasses.field(
-        default_factory=list
-    )
-    remappings: list[tuple[str | None, tuple[str, str]]] = dataclasses.field(default_factory=list)
-    names: dict[str | None, str] = dataclasses.field(default_factory=dict)
-    namespaces: dict[str | None, str] = dataclasses.field(default_factory=dict)
-    others: list[str] = dataclasses.field(default_factory=list)  # ROS knows them, or refuses them
+    Attributes:
+        given: parameters, their files and rules (from, to), the first of which counts.
+        others: ROS knows them, or refuses them.
+    """
+
+    given: list[tuple[str | None, Any]] = dataclasses.field(default_factory=list)
+    others: list[str] = dataclasses.field(default_factory=list)
 
     def name_of(self, node: str, alone: bool = True) -> str:
         """Return the node's name; `alone`: a name for all nodes of the process is its own."""
-        return self.names.get(node) or (self.names.get(None) if alone else None) or node
+        return self._renamed("__node", node, *[None] * alone) or node
 
     def namespace_of(self, *names: str) -> str:
-        return next((self.namespaces[n] for n in (*names, None) if n in self.namespaces), "")
+        return self._renamed("__ns", *names, None)
+
+    def _renamed(self, what: str, *names: str | None) -> str:
+        rules = (rule for name in names for rule in self._of(tuple, name) if rule[0] == what)
+        return next(rules, (what, ""))[1]
+
+    def _of(self, kind, *names: str | None) -> list:
+        return [item for node, item in self.given if node in names and isinstance(item, kind)]
 
     def parameters_of(self, *names: str | None) -> list[ParameterFile | Parameter]:
         """For the node of these names, as the program and as the command line have it."""
-        return [item for node, item in self.parameters if node in names]
+        return self._of((ParameterFile, Parameter), *names)
+
+    def remappings_of(self, *names: str | None) -> list[tuple[str, str]]:
+        """Return those of topics and services."""
+        return [rule for rule in self._of(tuple, *names) if rule[0] not in ("__node", "__ns")]
 
     def addressed(self) -> set[str]:
         """Return the names of the nodes that arguments are for."""
-        every = (*self.parameters, *self.remappings)
-        return {node for node in (*(n for n, _ in every), *self.names, *self.namespaces) if node}
-
-    def remappings_of(self, *names: str | None) -> list[tuple[str, str]]:
-        """(from, to), the first of which counts."""
-        return [rule for node, rule in self.remappings if node in names]
+        return {node for node, _ in self.given if node}
 
 
 def split_arguments(words: list[str]) -> tuple[list[str], RosArguments]:
     """Split a command line into the program's own words and ROS's; ValueError names a wrong one."""
-    own, args, rest = [], RosArguments(), list(words)
-    while rest:
-        word = rest.pop(0)
+    own, args, rest = [], RosArguments(), iter(words)
+    for word in rest:
         if word != "--ros-args":
             own.append(word)
             continue
-        while rest and (word := rest.pop(0)) != "--":
-            if word != "--ros-args":
-                _take(word, rest, args)
+        for theirs in itertools.takewhile("--".__ne__, rest):
+            if theirs != "--ros-args":
+                _take(theirs, rest, args)
     return own, args
 
 
@@ -73,39 +79,32 @@ def _read(path: str) -> list[ParameterFile | Parameter]:
     not given, and says nothing.
     """
     file = ParameterFile(path)
-    if len(file.sections) != 1 or not file.path.name.startswith(_LAUNCH_ROS):
-        return [file]
-    (section,) = file.sections
-    if section.node in NODES:
+    ours = [s for s in file.sections if file.path.name.startswith(_LAUNCH_ROS)]
+    if len(ours) != 1 or ours[0].node in NODES:
         return [file]  # a user's, also where launch_ros has carried out its substitutions
-    values = section.values
+    values, source = ours[0].values, ours[0].name
     named = [ParameterFile(values.pop(CONFIG), own=True)] if CONFIG in values else []
-    return [*named, *(Parameter(k, v, section.name) for k, v in values.items() if v != "")]
+    return [*named, *(Parameter(k, v, source) for k, v in values.items() if v != "")]
 
 
-def _take(word: str, rest: list[str], args: RosArguments) -> None:
+def _take(word: str, rest: Iterator[str], args: RosArguments) -> None:
     if word == PARAMS_FILE:
-        args.parameters += [(None, item) for item in _read(rest.pop(0) if rest else "")]
+        args.given += [(None, item) for item in _read(next(rest, ""))]
     elif word in ("-p", "--param"):
-        value = rest.pop(0) if rest else ""
-        found = _VALUE.fullmatch(value)
-        if not found:
-            raise ValueError(f"--ros-args: {word} {value!r}: must be [node:]name:=value")
-        text = parse_yaml(found["to"], f"--ros-args: {word} {shorten(value)}")
-        own = found["name"] == CONFIG
-        given = ParameterFile(text, own=True) if own else Parameter(found["name"], text)
-        args.parameters.append((found["node"], given))
+        node, name, to = _rule(word, rest, ".*", "name:=value")
+        value = parse_yaml(to, f"--ros-args: {word} {shorten(f'{name}:={to}')}")
+        given = ParameterFile(value, own=True) if name == CONFIG else Parameter(name, value)
+        args.given.append((node, given))
     elif word in ("-r", "--remap"):
-        value = rest.pop(0) if rest else ""
-        found = _RULE.fullmatch(value)
-        if not found:
-            raise ValueError(f"--ros-args: {word} {value!r}: must be [node:]from:=to")
-        name, to = found["name"], found["to"]
-        if name in ("__node", "__name"):
-            args.names.setdefault(found["node"], to)
-        elif name == "__ns":
-            args.namespaces.setdefault(found["node"], to)
-        else:
-            args.remappings.append((found["node"], (name, to)))
+        node, name, to = _rule(word, rest, r"\S+", "from:=to")
+        args.given.append((node, ("__node" if name == "__name" else name, to)))
     else:
         args.others.append(word)
+
+
+def _rule(word: str, rest: Iterator[str], to: str, form: str) -> tuple:
+    """Take the next word, as (node or None, name, to); `to`: what that may be."""
+    value = next(rest, "")
+    if not (found := re.fullmatch(f"{_RULE}({to})", value, re.DOTALL)):
+        raise ValueError(f"--ros-args: {word} {value!r}: must be [node:]{form}")
+    return found.groups()

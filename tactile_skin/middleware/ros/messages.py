@@ -20,13 +20,11 @@ def ros_class(kind: type) -> type:
     Raises:
         RosError: the package with its definition is not installed.
     """
-    package, folder, name = bus.type_name(kind).split("/")
+    package, folder, name = (full := bus.type_name(kind)).split("/")
     try:
         return getattr(importlib.import_module(f"{package}.{folder}"), name)
     except ImportError as error:
-        raise RosError(
-            f"{bus.type_name(kind)}: the ROS package {package} is not installed"
-        ) from error
+        raise RosError(f"{full}: the ROS package {package} is not installed") from error
 
 
 def to_ros(message, made=None):
@@ -38,21 +36,14 @@ def to_ros(message, made=None):
     made = ros_class(type(message))() if made is None else made
     for field in dataclasses.fields(message):
         value, like = getattr(message, field.name), getattr(made, field.name)
-        setattr(made, field.name, _encoded(value, like))
+        if isinstance(like, array.array):  # uint8[]
+            value = array.array(like.typecode, value)
+        elif isinstance(like, bytes) and isinstance(value, int):  # byte
+            value = bytes([value])
+        elif isinstance(value, list):
+            value = [to_ros(v) if dataclasses.is_dataclass(v) else v for v in value]
+        setattr(made, field.name, to_ros(value) if dataclasses.is_dataclass(value) else value)
     return made
-
-
-def _encoded(value, like):
-    """Return a value in the type of a fresh object's."""
-    if dataclasses.is_dataclass(value):
-        return to_ros(value)
-    if isinstance(like, array.array):  # uint8[]
-        return array.array(like.typecode, value)
-    if isinstance(like, bytes) and isinstance(value, int):  # byte
-        return bytes([value])
-    if isinstance(value, list):
-        return [to_ros(item) if dataclasses.is_dataclass(item) else item for item in value]
-    return value
 
 
 def from_ros(kind: type, message):
@@ -67,11 +58,10 @@ def _fields(kind: type) -> list[tuple[str, type]]:
 
 
 def _decoded(hint, value):
-    if dataclasses.is_dataclass(hint):
-        return from_ros(hint, value)
     if typing.get_origin(hint) is list:
-        (inner,) = typing.get_args(hint)
-        return [_decoded(inner, item) for item in value]
-    if hint is int and isinstance(value, bytes):
+        return [_decoded(*typing.get_args(hint), item) for item in value]
+    if hint is int and isinstance(value, bytes):  # byte
         return value[0]
-    return bytes(value) if hint is bytes else value
+    if hint is bytes:
+        return bytes(value)
+    return from_ros(hint, value) if dataclasses.is_dataclass(hint) else value

@@ -1,26 +1,108 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A node of the bus whose topics, services and parameters are those of ROS."""
+"""A process on ROS 2, and its nodes of the bus, whose topics and parameters are those of ROS."""
 
 from __future__ import annotations
 
+import functools
 import logging
+import threading
 import time
 from collections.abc import Callable
 
-from ... import msg
+from ...errors import RosError
 from ...fields import About
+from ...msg import DiagnosticArray, Twist, TwistStamped
 from .. import bus
 from ..package import SOURCES
 from ..parameter_file import THEIRS
 from .messages import from_ros, ros_class, to_ros
-from .process import Process
+
+try:
+    import rcl_interfaces.msg as rcl
+    import rclpy.node  # and with it all of rclpy
+except ModuleNotFoundError:  # said once it is needed
+    rcl = rclpy = None
 
 _SERVICE_WITHIN = 5.0  # s, for a node's answer
 _STILL = 0.25  # s without news from /clock: ten messages of `ros2 bag play --clock`
 _COMPARE = 2.0  # s, between two looks at what others publish and subscribe to
 # Looks in a row, 10 s: discovery takes up to 6 s on a busy computer (benchmarks/ros/kill.py).
 _DEAF = 5
+_LAST_WORD = 0.5  # s, for messages under way when a process ends
 _logger = logging.getLogger("tactile_skin")
+
+
+class Process:
+    """A process on ROS 2.
+
+    Args:
+        words: of the command line, for ROS itself.
+
+    Attributes:
+        context: rclpy's.
+        failed: rclpy itself has raised, or does not show what is there: nothing arrives.
+
+    Raises:
+        RosError: ROS does not understand the words, or rclpy is not installed.
+    """
+
+    def __init__(self, words: list[str]):
+        if rclpy is None:
+            raise RosError("rclpy (ROS 2) is not installed: see docs/robot.md")
+        args = ["--ros-args", *words] if words else []
+        self.context = rclpy.Context()  # of its own: who composes may have the default one
+        none = rclpy.signals.SignalHandlerOptions.NO  # launch.Skin's publish a final stop
+        try:
+            rclpy.init(args=args, context=self.context, signal_handler_options=none)
+        except Exception as error:  # of a type that rclpy does not export
+            raise RosError(f"--ros-args {' '.join(words)}: {error}") from error
+        self.failed = False
+        self._executor = rclpy.executors.SingleThreadedExecutor(context=self.context)
+        self._simulated = None  # the clock of all nodes, once one hears /clock: once is enough
+        self._thread = threading.Thread(target=self._spin, name="rclpy", daemon=True)
+
+    def add(self, node):
+        """Let messages arrive for a node of rclpy too; its clock."""
+        self._executor.add_node(node)
+        clock = node.get_clock()
+        if clock.ros_time_is_active:
+            if self._simulated:  # one hears for all
+                node.destroy_subscription(next(node.subscriptions))
+            clock = self._simulated = self._simulated or clock
+        return clock
+
+    def start(self, ended: Callable) -> None:
+        """Let messages arrive; `ended` is called when none does any more."""
+        self._ended = ended
+        self._thread.start()
+
+    def _spin(self) -> None:
+        try:
+            self._executor.spin()
+        except Exception as error:
+            if self.context.ok():  # else somebody has ended it
+                self.give_up("rclpy's executor has ended", error)
+        self._ended()
+
+    def give_up(self, why: str, error: Exception | None = None) -> None:
+        """End, as failed: only another start of this process helps."""
+        self.failed = True
+        _logger.error(why, exc_info=error)
+        self._ended()
+
+    def close(self) -> None:
+        """Leave ROS once the last messages have arrived, or nobody takes them."""
+        end = time.monotonic() + _LAST_WORD
+        nodes = self._executor.get_nodes() if self.context.ok() else []
+        for publisher in [p for node in nodes for p in node.publishers]:
+            left = max(0.001, end - time.monotonic())
+            publisher.wait_for_all_acked(rclpy.duration.Duration(seconds=left))
+        # The thread must have left rclpy before Python ends: killed inside C++ code, it would abort
+        # the process. Without its context it leaves by itself.
+        rclpy.try_shutdown(context=self.context)
+        if self._thread.is_alive() and self._thread is not threading.current_thread():
+            self._thread.join(_LAST_WORD)
+        self._executor.shutdown(timeout_sec=_LAST_WORD)
 
 
 class _RosClock:
@@ -39,29 +121,26 @@ class _RosClock:
     @property
     def stands_still(self) -> bool:
         """Whether it has shown the same for a while: who waits for it would wait for ever."""
-        if not self._theirs.ros_time_is_active:
-            return False
-        shown, t = self._theirs.now().nanoseconds, time.monotonic()
+        shown, t = self.now().nanoseconds, time.monotonic()
         if shown != self._last:
             self._last, self._since = shown, t
         return t - self._since > _STILL
 
 
-class _Publisher:
+class _Publisher(bus.Publisher):
     """Hands messages to the nodes of this process, and to ROS if anybody is there to hear them."""
 
-    def __init__(self, inside: bus.Publisher, theirs):
-        self.msg_type, self.topic_name = inside.msg_type, inside.topic_name
-        self._inside, self._theirs = inside, theirs
-        self._kept = inside.qos_profile.durability is bus.DurabilityPolicy.TRANSIENT_LOCAL
+    def __init__(self, node: RosNode, msg_type: type, topic: str, qos: bus.QoSProfile):
+        super().__init__(node, msg_type, topic, qos)
+        self._theirs = node.ros.create_publisher(ros_class(msg_type), topic, **_quality(self))
 
     def publish(self, message) -> None:
-        self._inside.publish(message)
-        if self._kept or self._theirs.get_subscription_count():
+        super().publish(message)
+        if self._kept.maxlen or self._theirs.get_subscription_count():
             self._theirs.publish(to_ros(message))
 
     def get_subscription_count(self) -> int:
-        return self._inside.get_subscription_count() + self._theirs.get_subscription_count()
+        return super().get_subscription_count() + self._theirs.get_subscription_count()
 
 
 class RosNode(bus.Node):
@@ -75,48 +154,26 @@ class RosNode(bus.Node):
     """
 
     waits = True
+    publisher_class = _Publisher
 
-    def __init__(
-        self,
-        process: Process,
-        node_name: str,
-        *,
-        namespace: str = "",
-        parameter_overrides: list[bus.Parameter] | None = None,
-        **kwargs,
-    ):
-        given = parameter_overrides or []
-        theirs = [p for p in given if p.name.startswith(THEIRS)]
-        super().__init__(
-            node_name,
-            namespace=namespace,
-            parameter_overrides=[p for p in given if p not in theirs],
-            **kwargs,
-        )
-        self.ros, clock = process.node(node_name, self.get_namespace(), theirs)
-        self._clock = _RosClock(clock)
-        self._process, self._acknowledged = process, process.publishers
+    def __init__(self, process: Process, node_name: str, **kwargs):
+        super().__init__(node_name, **kwargs)
+        theirs = [p for p in self._overrides.items() if p[0].startswith(THEIRS)]
+        given = [rclpy.parameter.Parameter(name, value=value) for name, value in theirs]
+        place = {"context": process.context, "namespace": self.get_namespace()}
+        self.ros = rclpy.create_node(node_name, parameter_overrides=given, **place)
+        self._clock, self._process = _RosClock(process.add(self.ros)), process
         self._connected, self._shared = False, set[str]()
-        self._not_taken = 0
-        self._kinds: dict[str, type] = {}  # topic -> what this node takes it to be
-        self._told: set[tuple[str, str]] = set()
-        # topic -> node that publishes it, in this namespace, and rclpy's subscription
-        self._sources: dict[str, tuple] = {}
+        self._heard: list = []  # on ROS
+        self._warn_once = functools.cache(self.get_logger().warning)
         self._deaf = 0  # looks in a row
-        for look in (self._look_at_graph, self._look_for_sources):
-            self.ros.create_timer(_COMPARE, _isolated("the graph", look), clock=process.steady())
+        look = functools.partial(self._isolated, self._look_at_graph)
+        # which does not stand still with a simulation's
+        steady = rclpy.clock.Clock(clock_type=rclpy.clock_type.ClockType.STEADY_TIME)
+        self.ros.create_timer(_COMPARE, look, clock=steady)
 
     def get_clock(self):
         return self._clock
-
-    def create_publisher(self, msg_type, topic: str, qos_profile: bus.QoSProfile | int):
-        inside = super().create_publisher(msg_type, topic, qos_profile)
-        kind, name = ros_class(msg_type), inside.topic_name
-        qos = _qos(inside.qos_profile)
-        theirs = self.ros.create_publisher(kind, name, qos, qos_overriding_options=_overridable())
-        self._acknowledged.append(theirs)
-        self._kinds[name] = kind
-        return _Publisher(inside, theirs)
 
     def _added(self, subscription):
         return self._hear(super()._added(subscription))
@@ -136,216 +193,124 @@ class RosNode(bus.Node):
     def _hear(self, subscription):
         """Return the subscription, of what arrives on ROS."""
         msg_type, topic = subscription.msg_type, subscription.topic_name
-        if not self._connected or (
-            topic not in self._shared and self.context.count_publishers(topic)
-        ):
+        shared = topic in self._shared
+        if not self._connected or (not shared and self.context.count_publishers(topic)):
             return subscription
 
         def arrived(message) -> None:  # in ROS's thread: queue it, nothing else
-            try:
-                taken = from_ros(msg_type, message)
-                if topic not in self._shared or not self._is_of_this_process(taken):
-                    subscription.put(taken)
-            except Exception:
-                self._not_taken += 1
-                raise
+            taken = from_ros(msg_type, message)
+            if shared and isinstance(taken, DiagnosticArray):  # transforms do not say whose
+                names = {f"/{status.name}" for status in taken.status}
+                if names <= self.context.node_names:  # it has arrived within this process
+                    return
+            subscription.put(taken)
 
-        self._kinds[topic] = kind = ros_class(msg_type)
-        taker = _isolated(f"a message on {topic}", arrived)
-        qos = _qos(subscription.qos_profile)
-        keeps = isinstance(subscription, bus.Listener) and subscription.keeps
-        theirs = self.ros.create_subscription(
-            kind,
-            topic,
-            taker,
-            qos,
-            callback_group=_no_callbacks() if keeps else None,
-            qos_overriding_options=_overridable(),
-        )
-        if keeps:
-            subscription.fetch = lambda: _take_all(theirs, taker)
-        unmapped = topic.removeprefix(f"{self.get_namespace().rstrip('/')}/")
-        if unmapped in SOURCES:
-            self._sources[topic] = SOURCES[unmapped], theirs
+        def fetch() -> None:
+            with theirs.handle:
+                while taken := theirs.handle.take_message(theirs.msg_type, theirs.raw):
+                    taker(taken[0])
+
+        arrived.__qualname__ = f"of a message on {topic}"  # as it is logged
+        taker = functools.partial(self._isolated, arrived)
+        group = rclpy.callback_groups.MutuallyExclusiveCallbackGroup()
+        kind, quality = ros_class(msg_type), _quality(subscription)
+        theirs = self.ros.create_subscription(kind, topic, taker, callback_group=group, **quality)
+        self._heard.append(subscription)
+        if isinstance(subscription, bus.Listener) and subscription.keeps:
+            group.beginning_execution(theirs)  # and never ends: no executor takes its messages
+            subscription.fetch = fetch
         return subscription
 
-    def _is_of_this_process(self, message) -> bool:
-        """Return whether it is a report that has arrived already, within the process.
-
-        Transforms do not say whose they are, and may arrive twice.
-        """
-        return isinstance(message, msg.DiagnosticArray) and all(
-            f"/{status.name}" in self.context.node_names for status in message.status
-        )
+    def _isolated(self, callback: Callable, *arguments) -> None:
+        """Call it, and log what it raises, which would end rclpy's executor."""
+        try:
+            callback(*arguments)
+        except Exception as error:
+            self._report(callback, error)
 
     def create_service(self, srv_type, srv_name: str, callback):
         service = super().create_service(srv_type, srv_name, callback)
-        client = super().create_client(srv_type, srv_name)
 
-        def answer(request, response):  # in ROS's thread: the node's own does the work
-            try:
-                found = client.call(from_ros(srv_type.Request, request), _SERVICE_WITHIN)
-            except Exception as error:  # raised here it would end rclpy's executor
-                self.get_logger().error("service %s: %r", service.srv_name, error)
-                found = srv_type.Response(success=False, message=str(error) or repr(error))
-            return to_ros(found, response)
+        def answer(request, response):
+            ours = from_ros(srv_type.Request, request)
+            return to_ros(self._ask(srv_type, service.srv_name, ours), response)
 
         self.ros.create_service(ros_class(srv_type), service.srv_name, answer)
         return service
 
-    def create_client(self, srv_type, srv_name: str):
-        raise NotImplementedError(f"{srv_name}: on ROS no node of the skin calls services")
+    def _ask(self, srv_type, name: str, request):
+        """Return what the node's own thread answers, or why it does not."""
+        try:
+            return self.create_client(srv_type, name).call(request, _SERVICE_WITHIN)
+        except Exception as error:  # raised here it would end rclpy's executor
+            self.get_logger().error("service %s: %r", name, error)
+            return srv_type.Response(False, str(error) or repr(error))
 
-    @property
-    def callback_errors(self) -> int:
-        """As of a node of the bus, and the messages of ROS that could not be converted."""
-        return super().callback_errors + self._not_taken
-
-    def declare_parameter(
-        self, name: str, value, descriptor: About = bus.ANYTHING
-    ) -> bus.Parameter:
+    def declare_parameter(self, name: str, value, descriptor: About = bus.ANYTHING):
         """As a node of the bus does, and show it to `ros2 param`."""
-        from rcl_interfaces import msg as rcl
-
         parameter = super().declare_parameter(name, value, descriptor)
-        described = rcl.ParameterDescriptor(
-            description=descriptor.description,
-            read_only=not descriptor.live,
-            dynamic_typing=descriptor.any_type,
-        )
+        described = rcl.ParameterDescriptor(description=descriptor.description)
+        described.read_only, described.dynamic_typing = not descriptor.live, descriptor.any_type
         low, high = descriptor.low, descriptor.high
         if low is not None and high is not None:
+            number: type = float
+            kind, bounds = rcl.FloatingPointRange, described.floating_point_range
             if isinstance(value, int):
-                bounds = rcl.IntegerRange(from_value=int(low), to_value=int(high))
-                described.integer_range.append(bounds)
-            else:
-                floats = rcl.FloatingPointRange(from_value=float(low), to_value=float(high))
-                described.floating_point_range.append(floats)
+                number, kind, bounds = int, rcl.IntegerRange, described.integer_range
+            bounds.append(kind(from_value=number(low), to_value=number(high)))
         self.ros.declare_parameter(name, parameter.value, described, ignore_override=True)
         return parameter
 
     def _set_from_ros(self, parameters):
         """Whether parameters can be set, and why not; the node's own thread does it."""
-        from rcl_interfaces import msg as rcl
-
         ours = [bus.Parameter(p.name, p.value) for p in parameters if p.name in self._parameters]
-        reason = ""
+        done = bus.SetParameters.Response(True)
         if ours:
-            client = super().create_client(bus.SetParameters, bus.SET_PARAMETERS)
-            try:
-                reason = client.call(bus.SetParameters.Request(ours), _SERVICE_WITHIN).reason
-            except Exception as error:  # raised here it would end rclpy's executor
-                reason = str(error) or repr(error)
-        return rcl.SetParametersResult(successful=not reason, reason=reason)
-
-    def _look_for_sources(self) -> None:
-        """End the process if ROS keeps from it what a node that is there publishes from its start.
-
-        After a kill -9, Fast DDS loses announcements of publishers for ever, about once in a
-        hundred restarts: github.com/eProsima/Fast-DDS/issues/5469. Who joins again hears them.
-        """
-        there = self.ros.get_node_names_and_namespaces()
-        lost = [
-            (source, topic)
-            for topic, (source, heard) in self._sources.items()
-            if (source, self.get_namespace()) in there and not heard.get_publisher_count()
-        ]
-        self._deaf = self._deaf + 1 if lost else 0
-        if self._deaf == _DEAF:
-            source, topic = lost[0]
-            self._process.give_up(
-                f"{source} is there, and ROS does not show that it publishes {topic}: "
-                "this process ends, since only another start finds it"
-            )
+            request = bus.SetParameters.Request(ours)
+            done = self._ask(bus.SetParameters, bus.SET_PARAMETERS, request)
+        return to_ros(done, rcl.SetParametersResult())
 
     def _look_at_graph(self) -> None:
         """Warn of others who use a topic of this node for another type, or publish it as well.
 
-        DDS does not connect the former; whoever listens hears the latter in turns.
+        DDS does not connect the former; whoever listens hears the latter in turns. And end the
+        process if ROS keeps from it what a node that is there publishes from its start: after a
+        kill -9, Fast DDS loses announcements of publishers for ever, about once in a hundred
+        restarts: github.com/eProsima/Fast-DDS/issues/5469. Who joins again hears them.
         """
-        for publisher in self._publishers:
-            topic = publisher.topic_name
-            if topic in self._shared or (topic, "") in self._told:
-                continue
-            count = self.ros.count_publishers(topic)
-            if count > self.context.count_publishers(topic):
-                self._told.add((topic, ""))
-                self.get_logger().warning(
+        there, namespace = self.ros.get_node_names_and_namespaces(), self.get_namespace()
+        lost, prefix = "", f"{namespace.rstrip('/')}/"
+        for end in (*self._publishers, *self._heard):
+            topic, ours = end.topic_name, bus.type_name(end.msg_type)
+            publish = self.ros.get_publishers_info_by_topic(topic)
+            own = self.context.count_publishers(topic)
+            if 0 < own < len(publish) and topic not in self._shared:
+                self._warn_once(
                     f"{topic}: another process publishes it as well, or was killed just now: "
                     "whoever listens hears both in turns. Give each skin a namespace of its own"
                 )
-        for topic, kind in tuple(self._kinds.items()):
-            ours = f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"
-            for end in (
-                *self.ros.get_publishers_info_by_topic(topic),
-                *self.ros.get_subscriptions_info_by_topic(topic),
-            ):
-                other = topic, end.node_name
-                if end.topic_type not in ("", ours) and other not in self._told:
-                    self._told.add(other)
-                    self.get_logger().warning(
-                        f"{topic}: {end.node_name} has {end.topic_type}, this node {ours}: "
-                        f"they do not hear each other{_remedy(ours, end.topic_type)}"
+            for other in (*publish, *self.ros.get_subscriptions_info_by_topic(topic)):
+                if other.topic_type not in ("", ours):
+                    velocities = {ours, other.topic_type} == {Twist.TYPE, TwistStamped.TYPE}
+                    remedy = f": set stamped to {str(ours == Twist.TYPE).lower()}" * velocities
+                    self._warn_once(
+                        f"{topic}: {other.node_name} has {other.topic_type}, this node {ours}: "
+                        f"they do not hear each other{remedy}"
                     )
+            source = SOURCES.get(topic.removeprefix(prefix))
+            if not publish and (source, namespace) in there:
+                lost = f"{source} is there, and ROS does not show that it publishes {topic}: "
+                lost += "this process ends, since only another start finds it"
+        self._deaf = self._deaf + 1 if lost else 0
+        if self._deaf == _DEAF:
+            self._process.give_up(lost)
 
 
-def _qos(qos: bus.QoSProfile):
-    from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-
-    return QoSProfile(
-        depth=qos.depth,
-        durability=DurabilityPolicy[qos.durability.name],
-        reliability=ReliabilityPolicy[qos.reliability.name],
-    )
-
-
-def _overridable():
-    """Let parameters `qos_overrides` change history, depth and reliability."""
-    from rclpy.qos_overriding_options import QoSOverridingOptions
-
-    return QoSOverridingOptions.with_default_policies()
-
-
-def _no_callbacks():
-    """Return a callback group of what no executor waits for."""
-    from rclpy.callback_groups import CallbackGroup
-
-    class Never(CallbackGroup):
-        def can_execute(self, entity) -> bool:
-            return False
-
-        def beginning_execution(self, entity) -> bool:
-            return False
-
-        def ending_execution(self, entity) -> None:
-            pass
-
-    return Never()
-
-
-def _take_all(theirs, taker: Callable) -> None:
-    """Hand over all that has come for rclpy's subscription."""
-    with theirs.handle:
-        while taken := theirs.handle.take_message(theirs.msg_type, theirs.raw):
-            taker(taken[0])
-
-
-def _remedy(ours: str, theirs: str) -> str:
-    if {ours, theirs} == {"geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"}:
-        return f": set stamped to {str(theirs.endswith('Stamped')).lower()}"
-    return ""
-
-
-def _isolated(what: str, callback: Callable) -> Callable:
-    """Return a callback whose exceptions are logged: one would end rclpy's executor."""
-
-    def call(*arguments) -> None:
-        try:
-            callback(*arguments)
-        except Exception:
-            _logger.exception("%s was not taken", what)
-
-    return call
+def _quality(end) -> dict:
+    """Return the QoS of a publisher or subscription; parameters `qos_overrides` change it."""
+    options = rclpy.qos_overriding_options.QoSOverridingOptions.with_default_policies()
+    profile = rclpy.qos.QoSProfile(**vars(end.qos_profile))
+    return {"qos_profile": profile, "qos_overriding_options": options}
 
 
 class ToRos(logging.Handler):
@@ -360,23 +325,10 @@ class ToRos(logging.Handler):
         self.nodes: dict = {}
 
     def emit(self, record: logging.LogRecord) -> None:
-        node = self.nodes.get(record.name) or next(iter(self.nodes.values()), None)
         try:
-            if node is not None:
-                _log(node.get_logger(), record.levelno, self.format(record))
-            elif logging.lastResort is not None:
-                logging.lastResort.handle(record)
+            node = self.nodes.get(record.name) or next(iter(self.nodes.values()), None)
+            name = node.get_logger().name if node else record.name
+            # a new logger: one takes one severity from each line that calls it
+            rclpy.logging.get_logger(name).log(self.format(record), record.levelno)
         except Exception:  # a ROS that is gone
             self.handleError(record)
-
-
-def _log(logger, level: int, text: str) -> None:
-    """Say it; a line for each severity: rclpy wants no other on the same."""
-    if level >= logging.ERROR:
-        logger.error(text)
-    elif level >= logging.WARNING:
-        logger.warning(text)
-    elif level >= logging.INFO:
-        logger.info(text)
-    else:
-        logger.debug(text)

@@ -15,7 +15,7 @@ from ...middleware.config import adc_of, circuit_of, curve_of, declared, geometr
 from ...middleware.written import own_sections
 from ...msg import Trigger
 from ...parameters.nodes import View as Parameters
-from ...parameters.shared import Skin
+from ...parameters.shared import SkinDescription
 from ...view.process import DESCRIBE, PageProcess, ToPage
 from ...view.snapshot import DIAGNOSTICS, OTHERS, READINGS, STOP, Collector
 from .. import READING, now
@@ -57,7 +57,7 @@ class View:
         self.node = node
         given = declared(node, Parameters)
         names = [name for name in given.skins if name]
-        said = {"": given} | {name: declared(node, Skin, f"{name}.") for name in names}
+        said = {"": given} | {name: declared(node, SkinDescription, f"{name}.") for name in names}
         for skin in said.values():
             circuit = circuit_of(skin.circuit)  # what is wrong is an error now
             adc_of(skin.circuit, circuit), curve_of(skin.curve, circuit)
@@ -79,7 +79,7 @@ class View:
     def _parameters(self, prefix: str) -> dict:
         """Return what a skin is, name -> value."""
         get = self.node.get_parameter
-        return {leaf.name: get(prefix + leaf.name).value for leaf in leaves(Skin)}
+        return {leaf.name: get(prefix + leaf.name).value for leaf in leaves(SkinDescription)}
 
     def _clients(self, calls: dict) -> dict[str, list]:
         try:
