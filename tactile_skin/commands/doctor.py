@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import closing
 from dataclasses import asdict, replace
 
@@ -54,9 +55,7 @@ _KINDS: dict[str, type] = {
 }
 _LIVE = ("baud", "protocol", "seconds")
 _COUNTED = 10.0  # s after which what is left is said
-_LISTENED = 60.0  # s of a live board, if nothing else is said
 _SECONDS = 5.0, 3600.0
-_PATIENT = 10.0  # s that a fit may take of a frame that is past
 _CORRUPT = 0.005  # share of the frames damaged, from which the link is bad;
 _LOST = 0.05  # the same of frames lost
 
@@ -85,8 +84,7 @@ def run(args) -> int:
     if files:
         frames, times = _ratio(files[0], adc, given.get("full_scale"), namespace)
     else:
-        frames, found = _listen(given, board)
-        times = np.linspace(0.0, given.get("seconds", _LISTENED), len(frames))
+        frames, times, found = _listen(given, board)
     check_all_is_sent(frames, circuit, adc.threshold(skin.threshold), skin.threshold)
     rest = None
     if "rest" in given:
@@ -95,7 +93,7 @@ def run(args) -> int:
     found += diagnose(frames, circuit, rest, inverted=adc.inverted, curve=skin.curve)
     live = None
     if not found:
-        supposed = replace(skin.given, circuit=of_board.given.circuit, time_limit=_PATIENT)
+        supposed = replace(skin.given, circuit=of_board.given.circuit, time_limit=math.inf)
         running = running_skin(supposed, warn=print)
         live = played.stopped_by(running, adc, track(frames), times)
     print(f"{len(frames)} frames of {circuit.rows} x {circuit.cols}")
@@ -160,9 +158,9 @@ def _ratio(path: str, adc: Adc, full_scale: float | None, namespace: str):
     return found.ratio(adc), found.times
 
 
-def _listen(given: dict, board: dict) -> tuple[np.ndarray, list[Finding]]:
-    """Frames of the live board, and what is wrong with its link."""
-    seconds = given.get("seconds", _LISTENED)
+def _listen(given: dict, board: dict) -> tuple[np.ndarray, np.ndarray, list[Finding]]:
+    """Frames of the live board, their times [s], and what is wrong with its link."""
+    seconds = given.get("seconds", 60.0)
     if not _SECONDS[0] <= seconds <= _SECONDS[1]:
         raise ValueError(f"seconds:={seconds:g}: must be from {_SECONDS[0]:g} to {_SECONDS[1]:g}")
     driver = {name: given[name] for name in ("port", "baud", "protocol") if name in given}
@@ -180,7 +178,8 @@ def _listen(given: dict, board: dict) -> tuple[np.ndarray, list[Finding]]:
         f"{len(frames) / seconds:.0f} frames a second, {counters.corrupt} damaged (CRC or line), "
         f"{counters.lost} lost, {reconnects} reconnections"
     )
-    return frames, _link(counters, len(frames), reconnects)
+    times = np.linspace(0.0, seconds, len(frames))
+    return frames, times, _link(counters, len(frames), reconnects)
 
 
 def _link(counters, frames: int, reconnects: int) -> list[Finding]:
