@@ -25,9 +25,11 @@ _SPELT = (
     (re.compile(r"milli|msec", re.IGNORECASE), "ms"),
     (re.compile(r"micro|usec", re.IGNORECASE), "us"),
     (re.compile(r"nano|nsec", re.IGNORECASE), "ns"),
-    (re.compile(r"second|secs?$", re.IGNORECASE), "s"),
+    (re.compile(r"second|(?<![a-z])secs?(?![a-z])", re.IGNORECASE), "s"),
 )
-_TIME = re.compile(r"time|date|millis|micros|epoch|stamp|clock|^t$|^ts$", re.IGNORECASE)
+_TIME = re.compile(
+    r"time|date|millis|micros|epoch|stamp|clock|elapsed|second|^t$|^ts$", re.IGNORECASE
+)
 _COUNTER = re.compile(
     r"^(unnamed.*|index|idx|id|no\.?|nr\.?|#|n|seq|sequence|counter|"
     r"(frame|sample|scan|packet)s?[ _]?(no|nr|number|id|idx|index|count)?\.?)$",
@@ -45,11 +47,11 @@ _BETWEEN = re.compile(r"[-/.T_, ]+|(?<=\d)(?=[ap]m)", re.IGNORECASE)
 _FRACTION = re.compile(r"(?<=:\d\d)[.,](\d*)")  # of a second
 _ZONE = re.compile(r"[\s_,]*(?:Z|UTC|GMT|(?<=:\d\d)[+-]\d\d:?\d\d)$")
 _TRIED = 10  # texts by which a way to write them is tried
-_DAY_SECONDS = 86400.0
+DAY = 86400.0  # s
 _EPOCH_FROM = 9.4e8  # s since 1970 of the year 2000, by which a stamp is known
 _EPOCH_TO = 4.1e9  # the same of 2100
-_SHORTEST = 1e-5  # s between two frames
-_LONGEST = 100.0  # the same
+_SHORTEST = 0.9e-3  # s between two frames, where nothing says the unit of their times
+_LONGEST = 4.0  # the same
 _MOSTLY = 0.9  # share of a column's lines that show what it does
 _RISES = 0.95  # the same of a time, which may be set back
 _CLASSES = 20  # different values of a label
@@ -128,7 +130,7 @@ def _role(column: Column, cycle: int, level: float) -> tuple[Role, float] | None
     """Return what the column is, and the weight of what shows it; cells read `level` at least."""
     values = column.numbers[: _used(column)]
     steps = np.diff(values)
-    one = len(steps) > 1 and (steps == 1.0).mean() >= _MOSTLY
+    one = counts(values)
     if named := _role_by_name(column.name, one):
         return named, _NAMED
     if column.is_text:
@@ -146,6 +148,12 @@ def _role(column: Column, cycle: int, level: float) -> tuple[Role, float] | None
     if whole and (weight := _weight_of_label(values, level)):
         return Role.LABEL, weight
     return None
+
+
+def counts(values: np.ndarray) -> bool:
+    """Return whether (n,) numbers rise by one, and are no seconds since 1970."""
+    steps = np.diff(values)
+    return len(steps) > 1 and (steps == 1.0).mean() >= _MOSTLY and not values[0] > _EPOCH_FROM
 
 
 def _role_by_name(name: str, counts: bool) -> Role | None:
@@ -214,8 +222,11 @@ def times(columns: list[Column], notes: list[str], places: list[str]) -> np.ndar
         if column.is_text:
             continue
         unit = unit_of(column.name)
+        if unit is None and counts(column.numbers):
+            notes.append(f"{place} counts: passed over")
+            continue
         if unit is None:
-            unit = _unit_by_value(column.numbers[: _used(column)])
+            unit = _unit_by_value(column.numbers[: _used(column)], place)
             notes.append(f"{place} is taken as the time in {unit}")
         return column.numbers * _UNITS[unit]
     return None
@@ -233,15 +244,25 @@ def unit_of(name: str) -> str | None:
     return next((unit for spelt, unit in _SPELT if spelt.search(name)), None)
 
 
-def _unit_by_value(values: np.ndarray) -> str:
-    """Return the unit in which times are those of today, or else their steps those of a board."""
+def _unit_by_value(values: np.ndarray, place: str) -> str:
+    """Return the unit in which times are those of today, or else their steps those of a board.
+
+    Raises:
+        ValueError: steps that are those of a board in two units, or in none.
+    """
     steps = np.diff(values[~np.isnan(values)])
-    step = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
-    now = float(np.nanmedian(values)) if len(values) else 0.0
+    if not (rises := steps > 0.0).any():
+        return "s"
+    step = float(np.median(steps[rises]) * rises.mean())  # of a clock coarser than the frames, too
+    now = float(np.nanmedian(values))
+    likely = {u for u, scale in _UNITS.items() if _SHORTEST <= step * scale < _LONGEST}
+    slow = 100.0  # s between two frames of a log
     for unit, scale in _UNITS.items():
-        if _EPOCH_FROM < now * scale < _EPOCH_TO and _SHORTEST < step * scale < _LONGEST:
-            return unit
-    return "s" if step < 1.0 else "ms" if step < 1e3 else "us" if step < 1e6 else "ns"
+        if _EPOCH_FROM < now * scale < _EPOCH_TO and step * scale < slow:
+            likely = likely & {unit}  # a board that runs for a month counts as many milliseconds
+    if len(likely) != 1:
+        raise ValueError(f"{place} rises by {step:.4g} a frame: name its unit: time_s, time_ms")
+    return likely.pop()
 
 
 class Stamps(NamedTuple):
@@ -282,8 +303,8 @@ def _seconds(word: str, written: str) -> float | None:
 
 
 def _past_midnight(seconds: np.ndarray) -> np.ndarray:
-    falls = np.diff(seconds, prepend=seconds[:1]) < -0.5 * _DAY_SECONDS
-    return seconds + _DAY_SECONDS * np.cumsum(falls)
+    falls = np.diff(seconds, prepend=seconds[:1]) < -0.5 * DAY
+    return seconds + DAY * np.cumsum(falls)
 
 
 def spread(stamps: np.ndarray) -> np.ndarray | None:

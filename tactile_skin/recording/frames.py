@@ -17,7 +17,8 @@ from ..physics.adc import NOT_READ, Adc
 from ..physics.circuit import Circuit
 from ..readings.processed import processed, sample_of
 from ..readings.scale import Kind, scale_of, without_sentinel
-from .columns import is_time_name, spread
+from . import columns
+from .columns import Column, is_time_name, spread
 from .lines import read_text
 from .reader import Recording
 from .tables import Found, Table, by_part, frames_of, keep
@@ -213,34 +214,88 @@ def _of_recording(recording: Recording, circuit: Circuit | None) -> Frames:
 
 
 def _of_numpy(path, data: bytes, kind: str, circuit: Circuit) -> Found:
-    times = None
+    arrays, others = _arrays(path, data, kind), {}
+    fits: dict[str, Found] = {}
+    for name in ["frames"] if "frames" in arrays else list(arrays):
+        try:
+            fits[name] = _of_numbers(path, arrays[name], circuit)
+        except ValueError as error:
+            others[name] = error
+    if len(stacks := [k for k in fits if arrays[k].ndim > 2]) and len(fits) > 1:
+        fits = {name: fits[name] for name in stacks}
+    if len(fits) > 1:  # pictures of the readings, in the same file
+        fits = {name: found for name, found in fits.items() if _may_be_read(found, circuit)}
+    there = ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
+    if len(fits) == 1:
+        ((name, found),) = fits.items()
+    elif len(arrays) == 1:
+        raise next(iter(others.values()))
+    else:
+        raise FileError(
+            f"{path}: holds {there}: which are the readings, of {circuit.rows} x {circuit.cols}? "
+            "Must be named frames"
+        )
+    if len(arrays) > 1 and name != "frames":
+        found.notes.insert(0, f"of {there}, {name} is taken")
+    timed = {k: a for k, a in arrays.items() if is_time_name(k) and a.size > 1 and k != name}
+    if fit := {k: a for k, a in timed.items() if a.size == max(a.shape) == len(found.values)}:
+        each = [_column(name, array.ravel()) for name, array in fit.items()]
+        found.times = columns.times(each, found.notes, list(fit))
+    elif timed:
+        name, times = next(iter(timed.items()))
+        raise FileError(f"{path}: {name} has shape {times.shape}: must be {found.values.shape[:1]}")
+    return found
+
+
+def _arrays(path, data: bytes, kind: str) -> dict[str, np.ndarray]:
+    """Return the arrays of a file that are read without running anything, by name."""
+    arrays, refused = {}, ValueError("holds no array")
     try:
-        values = np.load(io.BytesIO(data), allow_pickle=False)
-        if kind == ".npz":
-            arrays = values
-            if not arrays.files:
-                raise ValueError("holds no array")
-            times = next((arrays[name] for name in arrays.files if is_time_name(name)), None)
-            others = [name for name in arrays.files if not is_time_name(name)]
-            values = arrays["frames" if "frames" in others else others[0]]
+        loaded = np.load(io.BytesIO(data), allow_pickle=False)
+        for name in loaded.files if kind == ".npz" else [""]:
+            try:
+                arrays[name] = loaded[name] if name else loaded
+            except ValueError as error:
+                if "Object arrays" not in str(error):
+                    raise
+                refused = error
+        if not arrays:
+            raise refused
     except Exception as error:  # of whatever bytes
         if "Object arrays" in str(error) or data[:1] == _PICKLED:
             raise FileError(f"{path}: {_NO_PICKLE}") from error
         raise FileError(f"{path}: cannot be read: {error}") from error
+    return arrays
+
+
+def _column(name: str, values: np.ndarray) -> Column:
+    """Return the times of an array as a column: numbers, dates, or texts."""
+    if values.dtype.kind == "M":
+        return Column("time_s", values.astype("M8[ns]").astype("i8") * 1e-9)
+    if values.dtype.kind in "US":
+        return Column(name, np.full(len(values), np.nan), values.astype(str).tolist())
+    return Column(name, values.astype(float))
+
+
+def _may_be_read(found: Found, circuit: Circuit) -> bool:
+    """Whether an ADC may read so, as far as that shows."""
+    values = without_sentinel(found.values)[0]
+    some = np.where(circuit.populated, sample_of(values), np.nan)
+    held = np.iinfo(values.dtype).max if values.dtype.kind in "iu" else np.inf
+    known = held < circuit.full_scale or scale_of(values).refused()
+    return not known and not processed(some, circuit.adc_bits)
+
+
+def _of_numbers(path, values: np.ndarray, circuit: Circuit) -> Found:
+    """Return the frames of an array (ValueError: it holds none)."""
     if values.dtype.kind not in "fiu":
         raise FileError(f"{path}: holds {values.dtype}: must be numbers")
-    notes = []
-    if values.dtype.kind == "f" and (odd := np.isinf(values)).any():
+    odd = np.isinf(values) if values.dtype.kind == "f" else np.zeros(0, bool)
+    if odd.any():
         values = np.where(odd, np.nan, values)
-        notes.append(f"{odd.sum()} infinite numbers are taken as not read")
     found = _of_array(path, values, circuit)
-    found.notes[:0] = notes
-    if times is not None:
-        if times.shape != found.values.shape[:1]:
-            raise FileError(
-                f"{path}: times has shape {times.shape}: must be {found.values.shape[:1]}"
-            )
-        found.times = times
+    if odd.any():
+        found.notes.insert(0, f"{odd.sum()} infinite numbers are taken as not read")
     return found
 
 
@@ -286,6 +341,11 @@ def _rise(found: Frames) -> None:
         found.lost += int((~good).sum())
     found.values, found.times = keep(found.values, np.flatnonzero(good)), times[good]
     steps = np.diff(found.times)
+    if steps.sum() > 365.0 * columns.DAY:
+        raise FileError(
+            f"{found.path}: times from {times[good][0]:.6g} to {times[good][-1]:.6g} s: their unit "
+            "is another one, or the clock was set meanwhile: must be a file for each part"
+        )
     gaps = steps > _GAP * np.median(steps) if len(steps) else np.zeros(0, bool)
     if gaps.any():
         at = found.times[:-1][gaps][0] - found.times[0]
