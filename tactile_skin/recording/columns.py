@@ -46,6 +46,7 @@ _CLOCKS = ("%H:%M:%S", "%H:%M", "%I:%M:%S %p", "%I:%M %p", "")
 _BETWEEN = re.compile(r"[-/.T_, ]+|(?<=\d)(?=[ap]m)", re.IGNORECASE)
 _FRACTION = re.compile(r"(?<=:\d\d)[.,](\d*)")  # of a second
 _ZONE = re.compile(r"[\s_,]*(?:Z|UTC|GMT|(?<=:\d\d)[+-]\d\d:?\d\d)$")
+_COLUMN_FIRST = re.compile(r"(?<![a-z])[cx][a-z]*[ _]*#.*(?<![a-z])[ry][a-z]*[ _]*#")
 _TRIED = 10  # texts by which a way to write them is tried
 DAY = 86400.0  # s
 _EPOCH_FROM = 9.4e8  # s since 1970 of the year 2000, by which a stamp is known
@@ -91,9 +92,6 @@ class Split(NamedTuple):
     roles: list[Role]  # of all other columns, those in front first
 
 
-ALL_CELLS = Split(0, [])
-
-
 def split(column: Callable[[int], Column], width: int, cells: int, cycle: int = 1) -> Split | None:
     """Return which columns of a table are its cells; None: its columns do not tell.
 
@@ -104,6 +102,8 @@ def split(column: Callable[[int], Column], width: int, cells: int, cycle: int = 
         cycle: lines of a frame.
     """
     others = width - cells
+    if not others:
+        return Split(0, [])
     typical = np.array([_median(column(k).numbers) for k in range(width)])
     ends = {k: column(k) for k in (*range(others), *range(cells, width))}
     found: list[tuple[float, Split]] = []
@@ -120,6 +120,47 @@ def split(column: Callable[[int], Column], width: int, cells: int, cycle: int = 
     if len(likely) > 1 and (likely[-1].front < others or Role.LABEL in likely[-1].roles):
         return None
     return likely[-1]  # of two that rise, the time is in front
+
+
+def named(names: Sequence[str], rows: int, cols: int) -> list[int]:
+    """Return the columns that a header names as cells, row by row; empty: it names none.
+
+    Such as R1C1 to R7C7, s_0_0, FSR1 to FSR64, s11 to s88: names that differ by numbers alone.
+
+    Raises:
+        ValueError: it names rows and columns of another mat.
+    """
+    alike: dict[str, list[int]] = {}
+    for k, name in enumerate(names):
+        alike.setdefault(re.sub(r"\d+", "#", name.lower()), []).append(k)
+    found = [(stem, k) for stem, k in alike.items() if "#" in stem and len(k) == rows * cols]
+    if len(found) != 1:
+        return []
+    ((stem, places),) = found
+    numbers = np.array([[int(n) for n in re.findall(r"\d+", names[k])] for k in places])
+    numbers = numbers[:, np.ptp(numbers, axis=0) > 0]
+    if numbers.shape[1] == 1 and np.ptp(numbers) != rows * cols - 1:
+        numbers = np.column_stack(np.divmod(numbers[:, 0], 10))
+    numbers = numbers[:, ::-1] if _COLUMN_FIRST.search(stem) else numbers
+    size = tuple((np.ptp(numbers, axis=0) + 1).tolist())
+    if (
+        len(size) > 2
+        or np.prod(size) != rows * cols
+        or len(np.unique(numbers, axis=0)) < len(places)
+    ):
+        return []
+    if size not in ((rows, cols), (rows * cols,)):
+        raise ValueError(
+            f"the header names {size[0]} x {size[1]} cells, from {names[places[0]]} to "
+            f"{names[places[-1]]}: the circuit is {rows} x {cols}"
+        )
+    return [places[k] for k in np.lexsort(numbers.T[::-1])]
+
+
+def role_by_name(column: Column) -> Role | None:
+    """Return what a column is whose header names the cells; None: nothing that is known."""
+    rises = counts(column.numbers)
+    return _role_by_name(column.name, rises) or (Role.COUNTER if rises else None)
 
 
 def _median(values: np.ndarray) -> float:
@@ -228,13 +269,18 @@ def times(columns: list[Column], notes: list[str], places: list[str]) -> np.ndar
         if unit is None:
             unit = _unit_by_value(column.numbers[: _used(column)], place)
             notes.append(f"{place} is taken as the time in {unit}")
+        rest = [
+            c.numbers for c in columns if unit_of(c.name) == "ns" and np.nanmax(c.numbers) < 1e9
+        ]
+        if unit == "s" and rest and not (column.numbers % 1.0 > 0.0).any():  # as ROS writes it
+            return column.numbers + rest[0] * _UNITS["ns"]
         return column.numbers * _UNITS[unit]
     return None
 
 
 def is_time_name(name: str) -> bool:
     """Return whether a name is that of a time."""
-    return bool(_TIME.search(name) or _UNIT.search(name))
+    return bool(_TIME.search(name) or unit_of(name))
 
 
 def unit_of(name: str) -> str | None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import FileError
 from ..files import read_bytes, read_lines
-from ..middleware.config import SkinConfig, read_skin
+from ..middleware.config import Part, SkinConfig, read_skin
 from ..physics.adc import NOT_READ, Adc
 from ..physics.circuit import Circuit
 from ..readings.processed import processed, sample_of
@@ -80,20 +80,23 @@ def read_frames(
     namespace: str = "",
     rate: float | None = None,
     full_scale: float | None = None,
+    part: Part | None = None,
 ) -> Frames:
     """Return the frames of a recording, in order.
 
     Args:
         path: .mcap; .npy or .npz of (n, rows, cols), (rows, cols, n) or of a table, of an .npz its
-            `frames` or first array, and `times` [s] if it has them; .csv, .txt, .tsv,
-            .log or .jsonl. A line of a table is a frame, row by row, or a row of the matrix, with
-            columns of time, counter or label in front or behind; a header and other lines may
-            stand between.
+            `frames` or the only array that may be readings, and `times` if it has them; .csv,
+            .txt, .tsv, .log or .jsonl. A line of a table is a frame, row by row, or a row of the
+            matrix, with columns of time, counter or label in front or behind, or any where a
+            header names the cells; a header and other lines may stand between.
         circuit: whose frames they are; None: as the recording says, of MCAP only.
         namespace: of the skin, of MCAP only.
         rate: frames a second, where the file has no times.
         full_scale: what an input at the supply reads, where numbers are not ADC steps: 5.0 of
             volts, 1.0 of ratios; None: by what the numbers show.
+        part: where the circuit's cells are in a board's frame, of a mat that leaves lines at its
+            edges empty; None: it is all of it.
 
     Raises:
         FileError: no such file, another size, no frame in it, or most would be dropped; the
@@ -106,20 +109,40 @@ def read_frames(
     if kind not in KINDS:
         raise FileError(f"{path}: must be one of {', '.join(KINDS)}")
     if kind == ".mcap":
-        return _of_recording(Recording(path, namespace), circuit)
+        return _of_recording(Recording(path, namespace), circuit, part)
     if circuit is None:
         raise FileError(f"{path}: does not say its rows and cols: give a configuration")
+    whole = circuit if part is None else Circuit(*part.shape, adc_bits=circuit.adc_bits)
+    try:
+        found = _read(path, kind, whole)
+    except FileError as error:
+        if whole.shape == circuit.shape:
+            raise
+        try:
+            found = _read(path, kind, circuit)  # as it is exported, without these lines
+        except FileError:
+            raise error from None
+    found.values = _cut(found.values, part)
+    frames = Frames(found.values, found.times, found.notes, found.lost, found.rate, str(path))
+    return _timed(_scaled(frames, circuit, full_scale), rate)
+
+
+def _read(path, kind: str, circuit: Circuit) -> Found:
     try:
         if kind[:3] == ".np":
-            found = _of_numpy(path, read_bytes(path, _LARGEST), kind, circuit)
-        else:
-            found = read_text(partial(read_lines, path, _LARGEST), circuit)
+            return _of_numpy(path, read_bytes(path, _LARGEST), kind, circuit)
+        return read_text(partial(read_lines, path, _LARGEST), circuit)
     except FileError:
         raise
     except ValueError as error:
         raise FileError(f"{path}: {error}") from error
-    frames = Frames(found.values, found.times, found.notes, found.lost, str(path))
-    return _timed(_scaled(frames, circuit, full_scale), rate)
+
+
+def _cut(values: np.ndarray, part: Part | None) -> np.ndarray:
+    """Return a part of a board's frames (n, rows, cols); others as they are."""
+    if part is None or values.shape[1:] != part.shape:
+        return values
+    return values[(slice(None), part.rows, part.cols)]
 
 
 def _scaled(found: Frames, circuit: Circuit, full_scale: float | None) -> Frames:
@@ -132,7 +155,7 @@ def _scaled(found: Frames, circuit: Circuit, full_scale: float | None) -> Frames
     found.values, absent = without_sentinel(found.values)
     if absent:
         found.notes.append(f"{absent} numbers of -1: taken as not read")
-    scale = scale_of(found.values)
+    scale = scale_of(found.values, circuit.full_scale)
     if full_scale is not None and scale.kind is not Kind.NEGATIVE:
         if not full_scale > 0.0:
             raise ValueError(f"full_scale = {full_scale!r}: must be above 0")
@@ -164,7 +187,8 @@ def _has_decimals(circuit: Circuit, values: np.ndarray) -> np.ndarray:
 def _scale(values: np.ndarray, factor: float) -> np.ndarray:
     """Return values * factor, in place where they are no integers."""
     out = values if values.dtype.kind == "f" and values.dtype.itemsize > 2 else None
-    return np.multiply(values, factor, out=out)
+    kind = np.result_type(values.dtype, np.float32)  # of 16 bits it holds all
+    return np.multiply(values, factor, out=out, dtype=kind)
 
 
 def _timed(found: Frames, rate: float | None) -> Frames:
@@ -175,7 +199,9 @@ def _timed(found: Frames, rate: float | None) -> Frames:
         if rate is not None:
             found.notes.append(f"rate:={rate:g} is not used: the file has times")
         _rise(found)
-    elif rate is not None:
+    elif rate := rate or found.rate:
+        if rate == found.rate:
+            found.notes.append(f"it says {rate:g} frames a second")
         found.times = np.arange(len(found.values)) / rate
     if not len(found.values) or found.lost > len(found.values):
         why = "holds no frame"
@@ -201,8 +227,8 @@ def recorded_skin(path, config=None, namespace: str = "") -> SkinConfig:
     return read_skin(config)
 
 
-def _of_recording(recording: Recording, circuit: Circuit | None) -> Frames:
-    samples, skin = recording.adc, recording.skin
+def _of_recording(recording: Recording, circuit: Circuit | None, part: Part | None) -> Frames:
+    samples, skin = _cut(recording.adc, part), recording.skin
     circuit = circuit or skin.circuit
     if samples.shape[1:] != circuit.shape:
         raise _wrong_size(recording.path, samples.shape, circuit)
@@ -282,7 +308,7 @@ def _may_be_read(found: Found, circuit: Circuit) -> bool:
     values = without_sentinel(found.values)[0]
     some = np.where(circuit.populated, sample_of(values), np.nan)
     held = np.iinfo(values.dtype).max if values.dtype.kind in "iu" else np.inf
-    known = held < circuit.full_scale or scale_of(values).refused()
+    known = held < circuit.full_scale or scale_of(values, circuit.full_scale).refused()
     return not known and not processed(some, circuit.adc_bits)
 
 
@@ -338,6 +364,8 @@ def _rise(found: Frames) -> None:
     good = times > latest
     if not good.all():
         found.notes.append(f"{(~good).sum()} frames whose time does not rise: dropped")
+        if (again := int((np.diff(times) < 0.0).sum())) and 2 * good.sum() < len(good):
+            found.notes.append(f"it begins again {again} times: must be a file for each part")
         found.lost += int((~good).sum())
     found.values, found.times = keep(found.values, np.flatnonzero(good)), times[good]
     steps = np.diff(found.times)
