@@ -14,7 +14,7 @@ from ..fields import leaves
 from ..findings.finding import Finding, Kind
 from ..guide.notes import notes
 from ..health.doctor import diagnose
-from ..middleware.config import Part, SkinConfig, part_of, read_skin, skin_of
+from ..middleware.config import SkinConfig, part_of, read_skin, skin_of
 from ..parameters import shared as parameters
 from ..physics.adc import Adc
 from ..physics.circuit import Circuit
@@ -76,16 +76,18 @@ def run(args) -> int:
     skin = recorded_skin(files[0], config, namespace) if files else read_skin(config)
     board = _board(skin, given)
     described = skin_of(board, "")
-    adc, circuit, part = described.adc, described.circuit, part_of(described.board)
+    adc, circuit = described.adc, described.circuit
+    how = {"namespace": namespace, "full_scale": given.get("full_scale")}
+    how["part"] = part_of(described.board)
     found: list[Finding] = []
     if files:
-        frames = _ratio(files[0], adc, given.get("full_scale"), namespace, part)
+        frames = _ratio(files[0], adc, **how)
     else:
         frames, found = _listen(given, board)
     check_all_is_sent(frames, circuit, adc.threshold(skin.threshold), skin.threshold)
     rest = None
     if "rest" in given:
-        at_rest = _ratio(given["rest"], adc, given.get("full_scale"), namespace, part)
+        at_rest = _ratio(given["rest"], adc, **how)
         rest = measure_rest(at_rest, circuit)
     found += diagnose(frames, circuit, rest, inverted=adc.inverted, curve=skin.curve)
     print(f"{len(frames)} frames of {circuit.rows} x {circuit.cols}")
@@ -136,9 +138,9 @@ def _board(skin: SkinConfig, given: dict) -> dict:
     return {f"circuit.{name}": value for name, value in (board | dropped | changed).items()}
 
 
-def _ratio(path: str, adc: Adc, full_scale: float | None, namespace: str, part: Part) -> np.ndarray:
+def _ratio(path: str, adc: Adc, **how) -> np.ndarray:
     """(n, rows, cols) ADC ratio of a file; what was repaired is printed."""
-    found = read_frames(path, adc.circuit, namespace, full_scale=full_scale, part=part)
+    found = read_frames(path, adc.circuit, **how)
     for note in found.notes:
         print(f"{path}: {note}")
     return found.ratio(adc)

@@ -57,9 +57,8 @@ class Scale(NamedTuple):
             return f"{what} from exactly 0 to exactly 1: normalised, must be what the ADC reads"
         if self.kind is Kind.RESISTANCES:
             return (
-                f"{ends} with decimals: too small for means of ADC steps, or falling under "
-                "touches: resistances, in kilo-ohms? Must be what the ADC reads; means of steps "
-                "are read with full_scale:= the largest step"
+                f"{ends} with decimals, too small for means of ADC steps or falling under touches: "
+                "resistances, in kilo-ohms? Must be what the ADC reads. Means: full_scale:=1023 ..."
             )
         if self.kind in (Kind.VOLTS, Kind.RATIOS_OR_VOLTS):
             return (
@@ -101,19 +100,16 @@ def scale_of(values: np.ndarray, top: float = 0.0) -> Scale:
 
 
 def are_resistances(values: np.ndarray, top: float) -> bool:
-    """Return whether numbers of frames (n, rows, cols) are resistances, and no ADC steps up to top.
+    """Return whether frames (n, rows, cols) hold resistances, and no means of ADC steps up to top.
 
-    They have decimals, and lie where the means of steps of no usual divider do: below 1/256 of its
-    range, or below a quarter of it and fall under touches.
+    With decimals, below 1/256 of the ADC's range, or below a quarter of it and falling by touches.
     """
     some = sample_of(values).astype(float).reshape(-1, values[0].size)
     some = some[:, ~np.isnan(some).any(0)]
-    if not some.size or not (some % 1.0 > 0.0).any() or some.max() >= top / 4.0:
-        return False
     usual, low, high = np.median(some, axis=0), some.min(0), some.max(0)
-    falls = (low < usual / 2.0) & (high < 1.5 * usual) & (low > 0.0)
-    rises = high > 2.0 * usual
-    return bool(some.max() < top / 256.0 or falls.sum() > max(1, rises.sum()))
+    falls = ((low < usual / 2.0) & (high < 1.5 * usual) & (low > 0.0)).sum()
+    small = bool((some % 1.0 > 0.0).any()) and some.max() < top / 4.0
+    return small and bool(some.max() < top / 256.0 or falls > max(1, (high > 2.0 * usual).sum()))
 
 
 def _on_grid(ratios: np.ndarray, bits: int) -> bool:

@@ -143,11 +143,7 @@ def named(names: Sequence[str], rows: int, cols: int) -> list[int]:
         numbers = np.column_stack(np.divmod(numbers[:, 0], 10))
     numbers = numbers[:, ::-1] if _COLUMN_FIRST.search(stem) else numbers
     size = tuple((np.ptp(numbers, axis=0) + 1).tolist())
-    if (
-        len(size) > 2
-        or np.prod(size) != rows * cols
-        or len(np.unique(numbers, axis=0)) < len(places)
-    ):
+    if np.prod(size) != len(places) or len(np.unique(numbers, axis=0)) < len(places):
         return []
     if size not in ((rows, cols), (rows * cols,)):
         raise ValueError(
@@ -155,12 +151,6 @@ def named(names: Sequence[str], rows: int, cols: int) -> list[int]:
             f"{names[places[-1]]}: the circuit is {rows} x {cols}"
         )
     return [places[k] for k in np.lexsort(numbers.T[::-1])]
-
-
-def role_by_name(column: Column) -> Role | None:
-    """Return what a column is whose header names the cells; None: nothing that is known."""
-    rises = counts(column.numbers)
-    return _role_by_name(column.name, rises) or (Role.COUNTER if rises else None)
 
 
 def _median(values: np.ndarray) -> float:
@@ -172,15 +162,13 @@ def _role(column: Column, cycle: int, level: float) -> tuple[Role, float] | None
     values = column.numbers[: _used(column)]
     steps = np.diff(values)
     one = counts(values)
-    if named := _role_by_name(column.name, one):
+    if named := role_by_name(column.name, one):
         return named, _NAMED
     if column.is_text:
         dated = stamps(column.words[: len(values)]) is not None
         return Role.TIME if dated else Role.LABEL, _NAMED
     if not len(values) or np.isnan(values).any():
         return None
-    if one:
-        return Role.COUNTER, _NAMED
     whole = (values == np.rint(values)).all()
     if cycle > 1 and whole and (repeated := _role_by_lines(values, cycle)):
         return repeated, _NAMED
@@ -197,13 +185,13 @@ def counts(values: np.ndarray) -> bool:
     return len(steps) > 1 and (steps == 1.0).mean() >= _MOSTLY and not values[0] > _EPOCH_FROM
 
 
-def _role_by_name(name: str, counts: bool) -> Role | None:
+def role_by_name(name: str, counts: bool) -> Role | None:
     """Return what a column is by its name; a time without a unit that `counts` is a counter."""
     if is_time_name(name):
         return Role.COUNTER if counts and not unit_of(name) else Role.TIME
     if _COUNTER.match(name):
         return Role.COUNTER
-    return Role.LABEL if _LABEL.search(name) else None
+    return Role.LABEL if _LABEL.search(name) else Role.COUNTER if counts else None
 
 
 def _role_by_lines(values: np.ndarray, cycle: int) -> Role | None:
@@ -263,18 +251,12 @@ def times(columns: list[Column], notes: list[str], places: list[str]) -> np.ndar
         if column.is_text:
             continue
         unit = unit_of(column.name)
-        if unit is None and counts(column.numbers):
-            notes.append(f"{place} counts: passed over")
-            continue
         if unit is None:
             unit = _unit_by_value(column.numbers[: _used(column)], place)
             notes.append(f"{place} is taken as the time in {unit}")
-        rest = [
-            c.numbers for c in columns if unit_of(c.name) == "ns" and np.nanmax(c.numbers) < 1e9
-        ]
-        if unit == "s" and rest and not (column.numbers % 1.0 > 0.0).any():  # as ROS writes it
-            return column.numbers + rest[0] * _UNITS["ns"]
-        return column.numbers * _UNITS[unit]
+        whole = unit == "s" and not (column.numbers % 1.0 > 0.0).any()  # and ns, as ROS has it
+        rest = [c.numbers for c in columns if whole and unit_of(c.name) == "ns"]
+        return column.numbers * _UNITS[unit] + (rest[0] % 1e9 * _UNITS["ns"] if rest else 0.0)
     return None
 
 
@@ -291,11 +273,7 @@ def unit_of(name: str) -> str | None:
 
 
 def _unit_by_value(values: np.ndarray, place: str) -> str:
-    """Return the unit in which times are those of today, or else their steps those of a board.
-
-    Raises:
-        ValueError: steps that are those of a board in two units, or in none.
-    """
+    """Return the only unit in which steps are those of a board, and times of today today's."""
     steps = np.diff(values[~np.isnan(values)])
     if not (rises := steps > 0.0).any():
         return "s"

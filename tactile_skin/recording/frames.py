@@ -112,16 +112,13 @@ def read_frames(
         return _of_recording(Recording(path, namespace), circuit, part)
     if circuit is None:
         raise FileError(f"{path}: does not say its rows and cols: give a configuration")
-    whole = circuit if part is None else Circuit(*part.shape, adc_bits=circuit.adc_bits)
+    sent = circuit if part is None else Circuit(*part.shape, adc_bits=circuit.adc_bits)
     try:
-        found = _read(path, kind, whole)
-    except FileError as error:
-        if whole.shape == circuit.shape:
+        found = _read(path, kind, sent)
+    except FileError:
+        if sent.shape == circuit.shape:
             raise
-        try:
-            found = _read(path, kind, circuit)  # as it is exported, without these lines
-        except FileError:
-            raise error from None
+        found = _read(path, kind, circuit)  # as it is exported, without these lines
     found.values = _cut(found.values, part)
     frames = Frames(found.values, found.times, found.notes, found.lost, found.rate, str(path))
     return _timed(_scaled(frames, circuit, full_scale), rate)
@@ -242,13 +239,13 @@ def _of_recording(recording: Recording, circuit: Circuit | None, part: Part | No
 def _of_numpy(path, data: bytes, kind: str, circuit: Circuit) -> Found:
     arrays, others = _arrays(path, data, kind), {}
     fits: dict[str, Found] = {}
-    for name in ["frames"] if "frames" in arrays else list(arrays):
+    for name in ["frames"] if "frames" in arrays else arrays:
         try:
             fits[name] = _of_numbers(path, arrays[name], circuit)
         except ValueError as error:
             others[name] = error
-    if len(stacks := [k for k in fits if arrays[k].ndim > 2]) and len(fits) > 1:
-        fits = {name: fits[name] for name in stacks}
+    if any(arrays[name].ndim > 2 for name in fits):
+        fits = {name: found for name, found in fits.items() if arrays[name].ndim > 2}
     if len(fits) > 1:  # pictures of the readings, in the same file
         fits = {name: found for name, found in fits.items() if _may_be_read(found, circuit)}
     there = ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
@@ -275,30 +272,23 @@ def _of_numpy(path, data: bytes, kind: str, circuit: Circuit) -> Found:
 
 def _arrays(path, data: bytes, kind: str) -> dict[str, np.ndarray]:
     """Return the arrays of a file that are read without running anything, by name."""
-    arrays, refused = {}, ValueError("holds no array")
     try:
         loaded = np.load(io.BytesIO(data), allow_pickle=False)
-        for name in loaded.files if kind == ".npz" else [""]:
-            try:
-                arrays[name] = loaded[name] if name else loaded
-            except ValueError as error:
-                if "Object arrays" not in str(error):
-                    raise
-                refused = error
-        if not arrays:
-            raise refused
+        if kind == ".npy":
+            return {"": loaded}
+        if not loaded.files:
+            raise ValueError("holds no array")
+        known = [k for k in loaded.files if k == "frames" or is_time_name(k)]
+        return {name: loaded[name] for name in (known if "frames" in known else loaded.files)}
     except Exception as error:  # of whatever bytes
         if "Object arrays" in str(error) or data[:1] == _PICKLED:
             raise FileError(f"{path}: {_NO_PICKLE}") from error
         raise FileError(f"{path}: cannot be read: {error}") from error
-    return arrays
 
 
 def _column(name: str, values: np.ndarray) -> Column:
     """Return the times of an array as a column: numbers, dates, or texts."""
-    if values.dtype.kind == "M":
-        return Column("time_s", values.astype("M8[ns]").astype("i8") * 1e-9)
-    if values.dtype.kind in "US":
+    if values.dtype.kind in "MUS":
         return Column(name, np.full(len(values), np.nan), values.astype(str).tolist())
     return Column(name, values.astype(float))
 

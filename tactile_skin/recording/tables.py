@@ -122,9 +122,8 @@ def frames_of(table: Table, circuit: Circuit) -> Found:
     notes: list[str] = []
     table = _written(table, layout, notes)
     if cells:
-        roles: list[Role | None] = [
-            columns.role_by_name(table.column(k)) for k in range(width) if k not in cells
-        ]
+        each = [table.column(k) for k in range(width) if k not in cells]
+        roles = [columns.role_by_name(c.name, columns.counts(c.numbers)) for c in each]
     elif split := columns.split(table.column, width, layout.cells, layout.lines):
         cells, roles = range(split.front, split.front + layout.cells), [*split.roles]
     else:
@@ -142,7 +141,8 @@ def frames_of(table: Table, circuit: Circuit) -> Found:
             f"{_holds(width, circuit)}, and a line is as like the next one as that {layout.lines} "
             "lines later: frames of a smaller mat? An empty line after each frame shows its rows"
         )
-    _drop_marks(numbers, lines[~table.damaged[lines].any(1)], table.marks, cells, notes)
+    marks = [table.marks.get(k, "") for k in cells]
+    notes += _drop_marks(numbers, lines[~table.damaged[lines].any(1)], marks)
     text = by_part(lambda part: np.isinf(part).any(1), numbers)
     bad = (table.damaged | text)[lines].any(1)
     if text.any():
@@ -204,29 +204,19 @@ def _frames(
 def headed(table: Table) -> Table:
     """Without a first line that numbers the columns, 0, 1, 2 ..., as pandas writes it: names."""
     head = table.numbers[0]
-    numbered = head[np.isfinite(head)]
-    if (
-        table.names
-        or len(numbered) < _NUMBERED
-        or (numbered != np.arange(len(numbered)) + numbered[0]).any()
-    ):
-        return table
-    if numbered[0] not in (0.0, 1.0):
+    numbered = head[np.isfinite(head)].tolist()
+    n = len(numbered)
+    if table.names or n < _NUMBERED or numbered not in ([*range(n)], [*range(1, n + 1)]):
         return table
     names = [table.marks.get(k, f"{number:g}") for k, number in enumerate(head)]
     return replace(table.part(slice(1, None)), names=["" if n == "nan" else n for n in names])
 
 
 def _are_rows(frames: np.ndarray) -> bool:
-    """Whether lines are rows of (n, lines, cells) frames, and not frames themselves.
-
-    A row differs from the next one in what its cells read untouched, or more than from itself in
-    the next frame.
-    """
+    """Whether lines of (n, lines, cells) differ as rows: more than by chance, or than in time."""
     frames = np.where(np.isfinite(frames), frames, 0.0).astype(float)
     near, far = (np.abs(np.diff(frames, axis=axis)).mean() for axis in (1, 0))
-    own = frames.mean(0).var(0).mean()
-    chance = frames.var(0).mean() / len(frames)
+    own, chance = frames.mean(0).var(0).mean(), frames.var(0).mean() / len(frames)
     return bool(near > 1.1 * far or own > 2.0 * chance or not near)
 
 
@@ -284,29 +274,22 @@ def _written(table: Table, layout: _Layout, notes: list[str]) -> Table:
     return table.part(slice(last))
 
 
-def _drop_marks(
-    numbers: np.ndarray,
-    lines: np.ndarray,
-    marks: dict[int, str],
-    cells: Sequence[int],
-    notes: list[str],
-) -> None:
-    """Make text that stands at the same cells of all frames a crossing without a reading.
+def _drop_marks(numbers: np.ndarray, lines: np.ndarray, marks: Sequence[str]) -> list[str]:
+    """Make text at the same cells of all frames crossings without readings; return it in words.
 
     Args:
         numbers: (n, cells) of lines, changed in place; infinite: text.
         lines: (frames, lines) which make a frame.
-        marks: column -> its first text.
+        marks: (cells,) the first text of each column; empty: none.
     """
-    worded = np.array([bool(marks.get(k)) and not re.search(r"\d", marks[k]) for k in cells])
-    everywhere = np.broadcast_to(worded, (lines.shape[1], len(cells))).copy()
-    for k in range(0, len(lines) if worded.any() else 0, _AT_ONCE):
-        everywhere &= np.isinf(numbers[lines[k : k + _AT_ONCE]]).all(0)
-    for r, c in np.argwhere(everywhere):
+    worded = np.array([bool(mark) and not re.search(r"\d", mark) for mark in marks])
+    if not worded.any() or not len(lines):
+        return []
+    always = [by_part(lambda part: ~np.isinf(numbers[part]), k).sum(0) == 0 for k in lines.T]
+    for r, c in np.argwhere(found := np.array(always) & worded):
         numbers[lines[:, r], c] = np.nan
-    if everywhere.any():
-        word = marks[cells[int(everywhere.any(0).argmax())]]
-        notes.append(f"{word!r} at the same {everywhere.sum()} cells of all frames: no readings")
+    where = f"at the same {found.sum()} cells of all frames: no readings"
+    return [f"{marks[int(found.any(0).argmax())]!r} {where}"] if found.any() else []
 
 
 def _first_lines(runs: np.ndarray, lines: int) -> np.ndarray:
@@ -323,25 +306,17 @@ def _first_lines(runs: np.ndarray, lines: int) -> np.ndarray:
 def _describe_others(others: list[tuple[Column, Role | None, str]], found: Found) -> None:
     """Add to `found` times and notes from the columns that are no cells, each with its place."""
     if passed := [column.name for column, role, _ in others if role is None]:
-        found.notes.append(
-            f"{len(passed)} columns that are no cells by their names: passed over "
-            f"({', '.join(passed[: columns.MOST])}{' ...' * (len(passed) > columns.MOST)})"
-        )
+        names = ", ".join(passed)
+        found.notes.append(f"{len(passed)} columns by name no cells: passed over ({names})")
     for column, role, place in others:
         if role not in (Role.TIME, None):
             what = "counts" if role is Role.COUNTER else "is a label"
-            found.notes.append(f"{place} {what}: passed over{_labels(column, role)}")
+            found.notes.append(f"{place} {what}: passed over")
+        if role is Role.LABEL and len(seen := list(dict.fromkeys(filter(None, column.words)))) > 1:
+            words = f"{len(seen)} labels, {', '.join(map(shorten, seen[: columns.MOST]))}"
+            found.notes.append(f"{words}{' ...' * (len(seen) > columns.MOST)}: a file for each?")
     if timed := [(column, place) for column, role, place in others if role is Role.TIME]:
         found.times = columns.times([c for c, _ in timed], found.notes, [p for _, p in timed])
-
-
-def _labels(column: Column, role: Role | None) -> str:
-    """Return what a column of labels names."""
-    names = list(dict.fromkeys(filter(None, column.words)))
-    if role is not Role.LABEL or len(names) < 2:
-        return ""
-    shown = ", ".join(map(shorten, names[: columns.MOST])) + " ..." * (len(names) > columns.MOST)
-    return f" ({len(names)} of them, {shown}: all are one recording, or a file for each)"
 
 
 def _place(k: int, width: int) -> str:
