@@ -249,6 +249,7 @@ def times(columns: list[Column], notes: list[str], places: list[str]) -> np.ndar
             return seconds if clocks[0].day or days else _past_midnight(seconds)
     for (_, column), place in zip(dated, places, strict=True):
         if column.is_text:
+            notes.append(f"{place} says no time that is known: passed over")
             continue
         unit = unit_of(column.name)
         if unit is None:

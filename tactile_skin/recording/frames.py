@@ -237,13 +237,13 @@ def _of_recording(recording: Recording, circuit: Circuit | None, part: Part | No
 
 
 def _of_numpy(path, data: bytes, kind: str, circuit: Circuit) -> Found:
-    arrays, others = _arrays(path, data, kind), {}
+    arrays, refused = _arrays(path, data, kind), {}
     fits: dict[str, Found] = {}
     for name in ["frames"] if "frames" in arrays else arrays:
         try:
             fits[name] = _of_numbers(path, arrays[name], circuit)
         except ValueError as error:
-            others[name] = error
+            refused[name] = error
     if any(arrays[name].ndim > 2 for name in fits):
         fits = {name: found for name, found in fits.items() if arrays[name].ndim > 2}
     if len(fits) > 1:  # pictures of the readings, in the same file
@@ -252,7 +252,7 @@ def _of_numpy(path, data: bytes, kind: str, circuit: Circuit) -> Found:
     if len(fits) == 1:
         ((name, found),) = fits.items()
     elif len(arrays) == 1:
-        raise next(iter(others.values()))
+        raise next(iter(refused.values()))
     else:
         raise FileError(
             f"{path}: holds {there}: which are the readings, of {circuit.rows} x {circuit.cols}? "
@@ -260,7 +260,8 @@ def _of_numpy(path, data: bytes, kind: str, circuit: Circuit) -> Found:
         )
     if len(arrays) > 1 and name != "frames":
         found.notes.insert(0, f"of {there}, {name} is taken")
-    timed = {k: a for k, a in arrays.items() if is_time_name(k) and a.size > 1 and k != name}
+    others = {k: a for k, a in arrays.items() if a.dtype.kind in "fiuMUS" and k != name}
+    timed = {k: a for k, a in others.items() if is_time_name(k) and a.size > 1}
     if fit := {k: a for k, a in timed.items() if a.size == max(a.shape) == len(found.values)}:
         each = [_column(name, array.ravel()) for name, array in fit.items()]
         found.times = columns.times(each, found.notes, list(fit))
@@ -290,7 +291,7 @@ def _column(name: str, values: np.ndarray) -> Column:
     """Return the times of an array as a column: numbers, dates, or texts."""
     if values.dtype.kind in "MUS":
         return Column(name, np.full(len(values), np.nan), values.astype(str).tolist())
-    return Column(name, values.astype(float))
+    return Column(name, np.where(np.abs(values) < np.inf, values, np.nan).astype(float))
 
 
 def _may_be_read(found: Found, circuit: Circuit) -> bool:

@@ -107,3 +107,25 @@ def test_a_clock_that_is_set_is_a_sentence(tmp_path, capsys):
     assert main(["replay", saved(tmp_path / "a.npz", frames=frames, time_s=times)]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "times from 0 to 6e+08 s: their unit is another one, or the clock was set" in line
+
+
+@pytest.mark.parametrize(
+    "times",
+    [
+        np.full(N, np.nan),
+        np.where(np.arange(N) > 50, np.inf, np.arange(N) * STEP),
+        np.arange(N) * 1e300,
+        -np.arange(N),
+    ],
+)
+def test_times_that_say_nothing_are_a_sentence(times, tmp_path, steps):
+    with pytest.raises(FileError, match=r"does not rise|holds no frame|name its unit|dropped"):
+        read_frames(saved(tmp_path / "a.npz", frames=steps, times=times), CIRCUIT)
+
+
+@pytest.mark.parametrize("word", [np.datetime64("NaT"), "noon"])
+def test_words_that_are_no_dates_are_passed_over_aloud(word, tmp_path, steps):
+    path = saved(tmp_path / "a.npz", frames=steps, times=np.full(N, word))
+    found = read_frames(path, CIRCUIT)
+    assert found.times is None
+    assert found.notes == ["times says no time that is known: passed over"]
