@@ -29,7 +29,7 @@ def read_bytes(path, most: int) -> bytes:
     """
     path = _regular(path)
     with path.open("rb") as file:
-        data = file.read(most + 1)
+        data = file.read(min(most, path.stat().st_size) + 1)  # takes so much memory ahead
     if len(data) > most:
         raise _too_large(path, most)
     return data

@@ -25,7 +25,7 @@ from ..guide.creep import stand
 from ..guide.gain import measure_gain, write_gain
 from ..guide.sent import GLANCE, check_sent
 from ..guide.weight import newtons
-from ..middleware.config import SkinConfig, read_skin
+from ..middleware.config import SkinConfig, part_of, read_skin
 from ..recording.lines import read_reference
 from ..replay.sources import Live, Recorded
 
@@ -207,7 +207,8 @@ def from_files(skin: SkinConfig, files: dict, loads: list[tuple[str, str]]) -> G
         files: rest, and touches if there are; rate: frames a second, of files without times.
         loads: weight and file of each object that lies on the skin.
     """
-    source = Recorded(skin.adc, files.get("rate"), files.get("full_scale"))
+    part = part_of(skin.board)
+    source = Recorded(skin.adc, files.get("rate"), files.get("full_scale"), part)
     answers = [("", "")]  # what is typed, and the file that it opens: to "hands off"
 
     def ask(text: str) -> str:

@@ -16,7 +16,7 @@ from ..fields import leaves
 from ..findings.finding import Finding, Kind
 from ..guide.notes import notes
 from ..health.doctor import diagnose, played
-from ..middleware.config import SkinConfig, read_skin, skin_of
+from ..middleware.config import SkinConfig, part_of, read_skin, skin_of
 from ..nodes.compensation import skin_of as running_skin
 from ..parameters import shared as parameters
 from ..physics.adc import Adc
@@ -78,22 +78,24 @@ def run(args) -> int:
     namespace = given.get("namespace", "")
     skin = recorded_skin(files[0], config, namespace) if files else read_skin(config)
     board = _board(skin, given)
-    of_board = skin_of(board, "")
-    adc, circuit = of_board.adc, of_board.circuit
+    described = skin_of(board, "")
+    adc, circuit = described.adc, described.circuit
+    how = {"namespace": namespace, "full_scale": given.get("full_scale")}
+    how["part"] = part_of(described.board)
     found: list[Finding] = []
     if files:
-        frames, times = _ratio(files[0], adc, given.get("full_scale"), namespace)
+        frames, times = _ratio(files[0], adc, **how)
     else:
         frames, times, found = _listen(given, board)
     check_all_is_sent(frames, circuit, adc.threshold(skin.threshold), skin.threshold)
     rest = None
     if "rest" in given:
-        at_rest, _ = _ratio(given["rest"], adc, given.get("full_scale"), namespace)
+        at_rest, _ = _ratio(given["rest"], adc, **how)
         rest = measure_rest(at_rest, circuit)
     found += diagnose(frames, circuit, rest, inverted=adc.inverted, curve=skin.curve)
     live = None
     if not found:
-        supposed = replace(skin.given, circuit=of_board.given.circuit, time_limit=math.inf)
+        supposed = replace(skin.given, circuit=described.given.circuit, time_limit=math.inf)
         running = running_skin(supposed, warn=print)
         live = played.stopped_by(running, adc, track(frames), times)
     print(f"{len(frames)} frames of {circuit.rows} x {circuit.cols}")
@@ -150,9 +152,9 @@ def _board(skin: SkinConfig, given: dict) -> dict:
     return {f"circuit.{name}": value for name, value in (board | dropped | changed).items()}
 
 
-def _ratio(path: str, adc: Adc, full_scale: float | None, namespace: str):
+def _ratio(path: str, adc: Adc, **how):
     """(n, rows, cols) ADC ratio of a file, and their times [s]; what was repaired is printed."""
-    found = read_frames(path, adc.circuit, namespace, full_scale=full_scale)
+    found = read_frames(path, adc.circuit, **how)
     for note in found.notes:
         print(f"{path}: {note}")
     return found.ratio(adc), found.times

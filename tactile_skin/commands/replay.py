@@ -15,11 +15,12 @@ import numpy as np
 
 from ..arguments import split
 from ..extras import each, track
-from ..middleware.config import SkinConfig
+from ..middleware.config import SkinConfig, part_of
 from ..recording import Recording
 from ..recording.convert import export, to_recording
 from ..recording.frames import Frames, is_recording, read_frames, recorded_skin
 from ..replay.results import STATUS, Compared, Job, Results, collect, compare, table
+from ..replay.sources import RATE, supposed
 from ..solvers import METHODS
 
 EXAMPLES = """\
@@ -41,7 +42,6 @@ name:=value:
   full_scale what an input at the supply reads, where a file holds no ADC steps: 5.0 of volts"""
 
 _KINDS = {"method": str, "config": str, "namespace": str, "rate": float, "full_scale": float}
-_RATE = 100.0  # frames a second
 _SHOWN = 20  # stops that the summary lists
 _track = functools.partial(track, desc="replay")
 
@@ -127,15 +127,17 @@ def _recording_of(path: str, folder: Path, config: str | None, given: dict) -> s
         return path
     skin = recorded_skin(path, config)
     frames = _frames(path, skin, given)
+    _say_notes(path, supposed(frames, RATE))
     made = Path(tempfile.mkdtemp(dir=folder)) / f"{Path(path).stem}.mcap"
-    to_recording(frames, made, skin, config, given.get("rate") or _RATE, time.time_ns())
+    to_recording(frames, made, skin, config, given.get("rate") or RATE, time.time_ns())
     return str(made)
 
 
 def _frames(path: str, skin: SkinConfig, given: dict) -> Frames:
     """Read a file as it is said to be, and print what had to be supposed."""
     said = {name: given.get(name) for name in ("rate", "full_scale")}
-    frames = read_frames(path, skin.circuit, given.get("namespace", ""), **said)
+    part = part_of(skin.board)
+    frames = read_frames(path, skin.circuit, given.get("namespace", ""), part=part, **said)
     _say_notes(path, frames.notes)
     return frames
 

@@ -12,6 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .processed import sample_of
+
 VOLTS = 5.5  # V, the most that a board of 5 V prints
 _SAMPLE = 200_000  # numbers that are looked at
 _DECIMALS = 1e-6  # share of a unit of the last decimal by which a printed number may miss it
@@ -30,6 +32,7 @@ class Numbers(Enum):
     RATIOS_OR_VOLTS = "ratios or volts"
     NORMALISED = "normalised"
     NEGATIVE = "below 0"
+    RESISTANCES = "resistances"
 
 
 class Scale(NamedTuple):
@@ -52,6 +55,11 @@ class Scale(NamedTuple):
         if self.kind is Numbers.NORMALISED:
             what = "each frame reaches" if self.each else "the file reaches"
             return f"{what} from exactly 0 to exactly 1: normalised, must be what the ADC reads"
+        if self.kind is Numbers.RESISTANCES:
+            return (
+                f"{ends} with decimals, too small for means of ADC steps or falling under touches: "
+                "resistances, in kilo-ohms? Must be what the ADC reads. Means: full_scale:=1023 ..."
+            )
         if self.kind in (Numbers.VOLTS, Numbers.RATIOS_OR_VOLTS):
             return (
                 f"{ends}: {self.kind.value}? Say what an input at the supply reads: "
@@ -60,13 +68,19 @@ class Scale(NamedTuple):
         return ""
 
 
-def scale_of(values: np.ndarray) -> Scale:
-    """Return what the numbers of frames (n, rows, cols) are; NaN: not read."""
+def scale_of(values: np.ndarray, top: float = 0.0) -> Scale:
+    """Return what the numbers of frames (n, rows, cols) are; NaN: not read.
+
+    Args:
+        values: of them.
+        top: the largest that the ADC gives [ADC steps]; 0: not known.
+    """
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     if low < 0.0:
         return Scale(Numbers.NEGATIVE, low, high)
     if values.dtype.kind != "f" or high > VOLTS:
-        return Scale(Numbers.STEPS, low, high)
+        resistances = are_resistances(values, top)
+        return Scale(Numbers.RESISTANCES if resistances else Numbers.STEPS, low, high)
     flat = values[~np.isnan(values)]
     flat = flat[:: max(1, flat.size // _SAMPLE)]
     if (flat == np.rint(flat)).all() and high > 1.0:
@@ -85,6 +99,19 @@ def scale_of(values: np.ndarray) -> Scale:
     return Scale(Numbers.RATIOS, low, high)
 
 
+def are_resistances(values: np.ndarray, top: float) -> bool:
+    """Return whether frames (n, rows, cols) hold resistances, and no means of ADC steps up to top.
+
+    With decimals, below 1/256 of the ADC's range, or below a quarter of it and falling by touches.
+    """
+    some = sample_of(values).astype(float).reshape(-1, values[0].size)
+    some = some[:, ~np.isnan(some).any(0)]
+    usual, low, high = np.median(some, axis=0), some.min(0), some.max(0)
+    falls = ((low < usual / 2.0) & (high < 1.5 * usual) & (low > 0.0)).sum()
+    small = bool((some % 1.0 > 0.0).any()) and some.max() < top / 4.0
+    return small and bool(some.max() < top / 256.0 or falls > max(1, (high > 2.0 * usual).sum()))
+
+
 def _on_grid(ratios: np.ndarray, bits: int) -> bool:
     steps = ratios * (2**bits - 1)
     return bool(np.abs(steps - np.rint(steps)).max(initial=0.0) < _ON_GRID)
@@ -95,4 +122,4 @@ def without_sentinel(values: np.ndarray) -> tuple[np.ndarray, int]:
     below = values < 0
     if not below.any() or (values[below] != -1).any():
         return values, 0
-    return np.where(below, np.nan, values), int(below.sum())
+    return np.where(below, np.float32(np.nan), values), int(below.sum())

@@ -25,9 +25,11 @@ _SPELT = (
     (re.compile(r"milli|msec", re.IGNORECASE), "ms"),
     (re.compile(r"micro|usec", re.IGNORECASE), "us"),
     (re.compile(r"nano|nsec", re.IGNORECASE), "ns"),
-    (re.compile(r"second|secs?$", re.IGNORECASE), "s"),
+    (re.compile(r"second|(?<![a-z])secs?(?![a-z])", re.IGNORECASE), "s"),
 )
-_TIME = re.compile(r"time|date|millis|micros|epoch|stamp|clock|^t$|^ts$", re.IGNORECASE)
+_TIME = re.compile(
+    r"time|date|millis|micros|epoch|stamp|clock|elapsed|second|^t$|^ts$", re.IGNORECASE
+)
 _COUNTER = re.compile(
     r"^(unnamed.*|index|idx|id|no\.?|nr\.?|#|n|seq|sequence|counter|"
     r"(frame|sample|scan|packet)s?[ _]?(no|nr|number|id|idx|index|count)?\.?)$",
@@ -44,12 +46,13 @@ _CLOCKS = ("%H:%M:%S", "%H:%M", "%I:%M:%S %p", "%I:%M %p", "")
 _BETWEEN = re.compile(r"[-/.T_, ]+|(?<=\d)(?=[ap]m)", re.IGNORECASE)
 _FRACTION = re.compile(r"(?<=:\d\d)[.,](\d*)")  # of a second
 _ZONE = re.compile(r"[\s_,]*(?:Z|UTC|GMT|(?<=:\d\d)[+-]\d\d:?\d\d)$")
+_COLUMN_FIRST = re.compile(r"(?<![a-z])[cx][a-z]*[ _]*#.*(?<![a-z])[ry][a-z]*[ _]*#")
 _TRIED = 10  # texts by which a way to write them is tried
-_DAY_SECONDS = 86400.0
+DAY = 86400.0  # s
 _EPOCH_FROM = 9.4e8  # s since 1970 of the year 2000, by which a stamp is known
 _EPOCH_TO = 4.1e9  # the same of 2100
-_SHORTEST = 1e-5  # s between two frames
-_LONGEST = 100.0  # the same
+_SHORTEST = 0.9e-3  # s between two frames, where nothing says the unit of their times
+_LONGEST = 4.0  # the same
 _MOSTLY = 0.9  # share of a column's lines that show what it does
 _RISES = 0.95  # the same of a time, which may be set back
 _CLASSES = 20  # different values of a label
@@ -89,9 +92,6 @@ class Split(NamedTuple):
     roles: list[Role]  # of all other columns, those in front first
 
 
-ALL_CELLS = Split(0, [])
-
-
 def split(column: Callable[[int], Column], width: int, cells: int, cycle: int = 1) -> Split | None:
     """Return which columns of a table are its cells; None: its columns do not tell.
 
@@ -102,6 +102,8 @@ def split(column: Callable[[int], Column], width: int, cells: int, cycle: int = 
         cycle: lines of a frame.
     """
     others = width - cells
+    if not others:
+        return Split(0, [])
     typical = np.array([_median(column(k).numbers) for k in range(width)])
     ends = {k: column(k) for k in (*range(others), *range(cells, width))}
     found: list[tuple[float, Split]] = []
@@ -120,6 +122,37 @@ def split(column: Callable[[int], Column], width: int, cells: int, cycle: int = 
     return likely[-1]  # of two that rise, the time is in front
 
 
+def named(names: Sequence[str], rows: int, cols: int) -> list[int]:
+    """Return the columns that a header names as cells, row by row; empty: it names none.
+
+    Such as R1C1 to R7C7, s_0_0, FSR1 to FSR64, s11 to s88: names that differ by numbers alone.
+
+    Raises:
+        ValueError: it names rows and columns of another mat.
+    """
+    alike: dict[str, list[int]] = {}
+    for k, name in enumerate(names):
+        alike.setdefault(re.sub(r"\d+", "#", name.lower()), []).append(k)
+    found = [(stem, k) for stem, k in alike.items() if "#" in stem and len(k) == rows * cols]
+    if len(found) != 1:
+        return []
+    ((stem, places),) = found
+    numbers = np.array([[int(n) for n in re.findall(r"\d+", names[k])] for k in places])
+    numbers = numbers[:, np.ptp(numbers, axis=0) > 0]
+    if numbers.shape[1] == 1 and np.ptp(numbers) != rows * cols - 1:
+        numbers = np.column_stack(np.divmod(numbers[:, 0], 10))
+    numbers = numbers[:, ::-1] if _COLUMN_FIRST.search(stem) else numbers
+    size = tuple((np.ptp(numbers, axis=0) + 1).tolist())
+    if np.prod(size) != len(places) or len(np.unique(numbers, axis=0)) < len(places):
+        return []
+    if size not in ((rows, cols), (rows * cols,)):
+        raise ValueError(
+            f"the header names {size[0]} x {size[1]} cells, from {names[places[0]]} to "
+            f"{names[places[-1]]}: the circuit is {rows} x {cols}"
+        )
+    return [places[k] for k in np.lexsort(numbers.T[::-1])]
+
+
 def _median(values: np.ndarray) -> float:
     return 0.0 if np.isnan(values).all() else float(np.nanmedian(values))
 
@@ -128,16 +161,14 @@ def _role(column: Column, cycle: int, level: float) -> tuple[Role, float] | None
     """Return what the column is, and the weight of what shows it; cells read `level` at least."""
     values = column.numbers[: _used(column)]
     steps = np.diff(values)
-    one = len(steps) > 1 and (steps == 1.0).mean() >= _MOSTLY
-    if named := _role_by_name(column.name, one):
+    one = counts(values)
+    if named := role_by_name(column.name, one):
         return named, _NAMED
     if column.is_text:
         dated = stamps(column.words[: len(values)]) is not None
         return Role.TIME if dated else Role.LABEL, _NAMED
     if not len(values) or np.isnan(values).any():
         return None
-    if one:
-        return Role.COUNTER, _NAMED
     whole = (values == np.rint(values)).all()
     if cycle > 1 and whole and (repeated := _role_by_lines(values, cycle)):
         return repeated, _NAMED
@@ -148,13 +179,19 @@ def _role(column: Column, cycle: int, level: float) -> tuple[Role, float] | None
     return None
 
 
-def _role_by_name(name: str, counts: bool) -> Role | None:
+def counts(values: np.ndarray) -> bool:
+    """Return whether (n,) numbers rise by one, and are no seconds since 1970."""
+    steps = np.diff(values)
+    return len(steps) > 1 and (steps == 1.0).mean() >= _MOSTLY and not values[0] > _EPOCH_FROM
+
+
+def role_by_name(name: str, counts: bool) -> Role | None:
     """Return what a column is by its name; a time without a unit that `counts` is a counter."""
     if is_time_name(name):
         return Role.COUNTER if counts and not unit_of(name) else Role.TIME
     if _COUNTER.match(name):
         return Role.COUNTER
-    return Role.LABEL if _LABEL.search(name) else None
+    return Role.LABEL if _LABEL.search(name) else Role.COUNTER if counts else None
 
 
 def _role_by_lines(values: np.ndarray, cycle: int) -> Role | None:
@@ -212,18 +249,21 @@ def times(columns: list[Column], notes: list[str], places: list[str]) -> np.ndar
             return seconds if clocks[0].day or days else _past_midnight(seconds)
     for (_, column), place in zip(dated, places, strict=True):
         if column.is_text:
+            notes.append(f"{place} says no time that is known: passed over")
             continue
         unit = unit_of(column.name)
         if unit is None:
-            unit = _unit_by_value(column.numbers[: _used(column)])
+            unit = _unit_by_value(column.numbers[: _used(column)], place)
             notes.append(f"{place} is taken as the time in {unit}")
-        return column.numbers * _UNITS[unit]
+        whole = unit == "s" and not (column.numbers % 1.0 > 0.0).any()  # and ns, as ROS has it
+        rest = [c.numbers for c in columns if whole and unit_of(c.name) == "ns"]
+        return column.numbers * _UNITS[unit] + (rest[0] % 1e9 * _UNITS["ns"] if rest else 0.0)
     return None
 
 
 def is_time_name(name: str) -> bool:
     """Return whether a name is that of a time."""
-    return bool(_TIME.search(name) or _UNIT.search(name))
+    return bool(_TIME.search(name) or unit_of(name))
 
 
 def unit_of(name: str) -> str | None:
@@ -233,15 +273,21 @@ def unit_of(name: str) -> str | None:
     return next((unit for spelt, unit in _SPELT if spelt.search(name)), None)
 
 
-def _unit_by_value(values: np.ndarray) -> str:
-    """Return the unit in which times are those of today, or else their steps those of a board."""
+def _unit_by_value(values: np.ndarray, place: str) -> str:
+    """Return the only unit in which steps are those of a board, and times of today today's."""
     steps = np.diff(values[~np.isnan(values)])
-    step = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
-    now = float(np.nanmedian(values)) if len(values) else 0.0
+    if not (rises := steps > 0.0).any():
+        return "s"
+    step = float(np.median(steps[rises]) * rises.mean())  # of a clock coarser than the frames, too
+    now = float(np.nanmedian(values))
+    likely = {u for u, scale in _UNITS.items() if _SHORTEST <= step * scale < _LONGEST}
+    slow = 100.0  # s between two frames of a log
     for unit, scale in _UNITS.items():
-        if _EPOCH_FROM < now * scale < _EPOCH_TO and _SHORTEST < step * scale < _LONGEST:
-            return unit
-    return "s" if step < 1.0 else "ms" if step < 1e3 else "us" if step < 1e6 else "ns"
+        if _EPOCH_FROM < now * scale < _EPOCH_TO and step * scale < slow:
+            likely = likely & {unit}  # a board that runs for a month counts as many milliseconds
+    if len(likely) != 1:
+        raise ValueError(f"{place} rises by {step:.4g} a frame: name its unit: time_s, time_ms")
+    return likely.pop()
 
 
 class Stamps(NamedTuple):
@@ -282,8 +328,8 @@ def _seconds(word: str, written: str) -> float | None:
 
 
 def _past_midnight(seconds: np.ndarray) -> np.ndarray:
-    falls = np.diff(seconds, prepend=seconds[:1]) < -0.5 * _DAY_SECONDS
-    return seconds + _DAY_SECONDS * np.cumsum(falls)
+    falls = np.diff(seconds, prepend=seconds[:1]) < -0.5 * DAY
+    return seconds + DAY * np.cumsum(falls)
 
 
 def spread(stamps: np.ndarray) -> np.ndarray | None:

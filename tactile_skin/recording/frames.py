@@ -12,12 +12,13 @@ import numpy as np
 
 from ..errors import FileError
 from ..files import read_bytes, read_lines
-from ..middleware.config import SkinConfig, read_skin
+from ..middleware.config import Part, SkinConfig, read_skin
 from ..physics.adc import NOT_READ, Adc
 from ..physics.circuit import Circuit
 from ..readings.processed import processed, sample_of
 from ..readings.scale import Numbers, scale_of, without_sentinel
-from .columns import is_time_name, spread
+from . import columns
+from .columns import Column, is_time_name, spread
 from .lines import read_text
 from .reader import Recording
 from .tables import Found, Rows, by_part, frames_of, keep
@@ -79,20 +80,23 @@ def read_frames(
     namespace: str = "",
     rate: float | None = None,
     full_scale: float | None = None,
+    part: Part | None = None,
 ) -> Frames:
     """Return the frames of a recording, in order.
 
     Args:
         path: .mcap; .npy or .npz of (n, rows, cols), (rows, cols, n) or of a table, of an .npz its
-            `frames` or first array, and `times` [s] if it has them; .csv, .txt, .tsv,
-            .log or .jsonl. A line of a table is a frame, row by row, or a row of the matrix, with
-            columns of time, counter or label in front or behind; a header and other lines may
-            stand between.
+            `frames` or the only array that may be readings, and `times` if it has them; .csv,
+            .txt, .tsv, .log or .jsonl. A line of a table is a frame, row by row, or a row of the
+            matrix, with columns of time, counter or label in front or behind, or any where a
+            header names the cells; a header and other lines may stand between.
         circuit: whose frames they are; None: as the recording says, of MCAP only.
         namespace: of the skin, of MCAP only.
         rate: frames a second, where the file has no times.
         full_scale: what an input at the supply reads, where numbers are not ADC steps: 5.0 of
             volts, 1.0 of ratios; None: by what the numbers show.
+        part: where the circuit's cells are in a board's frame, of a mat that leaves lines at its
+            edges empty; None: it is all of it.
 
     Raises:
         FileError: no such file, another size, no frame in it, or most would be dropped; the
@@ -105,20 +109,37 @@ def read_frames(
     if kind not in KINDS:
         raise FileError(f"{path}: must be one of {', '.join(KINDS)}")
     if kind == ".mcap":
-        return _of_recording(Recording(path, namespace), circuit)
+        return _of_recording(Recording(path, namespace), circuit, part)
     if circuit is None:
         raise FileError(f"{path}: does not say its rows and cols: give a configuration")
+    sent = circuit if part is None else Circuit(*part.shape, adc_bits=circuit.adc_bits)
+    try:
+        found = _read(path, kind, sent)
+    except FileError:
+        if sent.shape == circuit.shape:
+            raise
+        found = _read(path, kind, circuit)  # as it is exported, without these lines
+    found.values = _cut(found.values, part)
+    frames = Frames(found.values, found.times, found.notes, found.lost, found.rate, str(path))
+    return _timed(_scaled(frames, circuit, full_scale), rate)
+
+
+def _read(path, kind: str, circuit: Circuit) -> Found:
     try:
         if kind[:3] == ".np":
-            found = _of_numpy(path, read_bytes(path, _LARGEST), kind, circuit)
-        else:
-            found = read_text(partial(read_lines, path, _LARGEST), circuit)
+            return _of_numpy(path, read_bytes(path, _LARGEST), kind, circuit)
+        return read_text(partial(read_lines, path, _LARGEST), circuit)
     except FileError:
         raise
     except ValueError as error:
         raise FileError(f"{path}: {error}") from error
-    frames = Frames(found.values, found.times, found.notes, found.lost, str(path))
-    return _timed(_scaled(frames, circuit, full_scale), rate)
+
+
+def _cut(values: np.ndarray, part: Part | None) -> np.ndarray:
+    """Return a part of a board's frames (n, rows, cols); others as they are."""
+    if part is None or values.shape[1:] != part.shape:
+        return values
+    return values[(slice(None), part.rows, part.cols)]
 
 
 def _scaled(found: Frames, circuit: Circuit, full_scale: float | None) -> Frames:
@@ -131,7 +152,7 @@ def _scaled(found: Frames, circuit: Circuit, full_scale: float | None) -> Frames
     found.values, absent = without_sentinel(found.values)
     if absent:
         found.notes.append(f"{absent} numbers of -1: taken as not read")
-    scale = scale_of(found.values)
+    scale = scale_of(found.values, circuit.full_scale)
     if full_scale is not None and scale.kind is not Numbers.NEGATIVE:
         if not full_scale > 0.0:
             raise ValueError(f"full_scale = {full_scale!r}: must be above 0")
@@ -163,7 +184,8 @@ def _has_decimals(circuit: Circuit, values: np.ndarray) -> np.ndarray:
 def _scale(values: np.ndarray, factor: float) -> np.ndarray:
     """Return values * factor, in place where they are no integers."""
     out = values if values.dtype.kind == "f" and values.dtype.itemsize > 2 else None
-    return np.multiply(values, factor, out=out)
+    kind = np.result_type(values.dtype, np.float32)  # of 16 bits it holds all
+    return np.multiply(values, factor, out=out, dtype=kind)
 
 
 def _timed(found: Frames, rate: float | None) -> Frames:
@@ -174,7 +196,9 @@ def _timed(found: Frames, rate: float | None) -> Frames:
         if rate is not None:
             found.notes.append(f"rate:={rate:g} is not used: the file has times")
         _rise(found)
-    elif rate is not None:
+    elif rate := rate or found.rate:
+        if rate == found.rate:
+            found.notes.append(f"it says {rate:g} frames a second")
         found.times = np.arange(len(found.values)) / rate
     if not len(found.values) or found.lost > len(found.values):
         why = "holds no frame"
@@ -200,8 +224,8 @@ def recorded_skin(path, config=None, namespace: str = "") -> SkinConfig:
     return read_skin(config)
 
 
-def _of_recording(recording: Recording, circuit: Circuit | None) -> Frames:
-    samples, skin = recording.adc, recording.skin
+def _of_recording(recording: Recording, circuit: Circuit | None, part: Part | None) -> Frames:
+    samples, skin = _cut(recording.adc, part), recording.skin
     circuit = circuit or skin.circuit
     if samples.shape[1:] != circuit.shape:
         raise _wrong_size(recording.path, samples.shape, circuit)
@@ -213,34 +237,82 @@ def _of_recording(recording: Recording, circuit: Circuit | None) -> Frames:
 
 
 def _of_numpy(path, data: bytes, kind: str, circuit: Circuit) -> Found:
-    times = None
+    arrays, refused = _arrays(path, data, kind), {}
+    fits: dict[str, Found] = {}
+    for name in ["frames"] if "frames" in arrays else arrays:
+        try:
+            fits[name] = _of_numbers(path, arrays[name], circuit)
+        except ValueError as error:
+            refused[name] = error
+    if any(arrays[name].ndim > 2 for name in fits):
+        fits = {name: found for name, found in fits.items() if arrays[name].ndim > 2}
+    if len(fits) > 1:  # pictures of the readings, in the same file
+        fits = {name: found for name, found in fits.items() if _may_be_read(found, circuit)}
+    there = ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
+    if len(fits) == 1:
+        ((name, found),) = fits.items()
+    elif len(arrays) == 1:
+        raise next(iter(refused.values()))
+    else:
+        raise FileError(
+            f"{path}: holds {there}: which are the readings, of {circuit.rows} x {circuit.cols}? "
+            "Must be named frames"
+        )
+    if len(arrays) > 1 and name != "frames":
+        found.notes.insert(0, f"of {there}, {name} is taken")
+    others = {k: a for k, a in arrays.items() if a.dtype.kind in "fiuMUS" and k != name}
+    timed = {k: a for k, a in others.items() if is_time_name(k) and a.size > 1}
+    if fit := {k: a for k, a in timed.items() if a.size == max(a.shape) == len(found.values)}:
+        each = [_column(name, array.ravel()) for name, array in fit.items()]
+        found.times = columns.times(each, found.notes, list(fit))
+    elif timed:
+        name, times = next(iter(timed.items()))
+        raise FileError(f"{path}: {name} has shape {times.shape}: must be {found.values.shape[:1]}")
+    return found
+
+
+def _arrays(path, data: bytes, kind: str) -> dict[str, np.ndarray]:
+    """Return the arrays of a file that are read without running anything, by name."""
     try:
-        values = np.load(io.BytesIO(data), allow_pickle=False)
-        if kind == ".npz":
-            arrays = values
-            if not arrays.files:
-                raise ValueError("holds no array")
-            times = next((arrays[name] for name in arrays.files if is_time_name(name)), None)
-            others = [name for name in arrays.files if not is_time_name(name)]
-            values = arrays["frames" if "frames" in others else others[0]]
+        loaded = np.load(io.BytesIO(data), allow_pickle=False)
+        if kind == ".npy":
+            return {"": loaded}
+        if not loaded.files:
+            raise ValueError("holds no array")
+        known = [k for k in loaded.files if k == "frames" or is_time_name(k)]
+        return {name: loaded[name] for name in (known if "frames" in known else loaded.files)}
     except Exception as error:  # of whatever bytes
         if "Object arrays" in str(error) or data[:1] == _PICKLED:
             raise FileError(f"{path}: {_NO_PICKLE}") from error
         raise FileError(f"{path}: cannot be read: {error}") from error
+
+
+def _column(name: str, values: np.ndarray) -> Column:
+    """Return the times of an array as a column: numbers, dates, or texts."""
+    if values.dtype.kind in "MUS":
+        return Column(name, np.full(len(values), np.nan), values.astype(str).tolist())
+    return Column(name, np.where(np.abs(values) < np.inf, values, np.nan).astype(float))
+
+
+def _may_be_read(found: Found, circuit: Circuit) -> bool:
+    """Whether an ADC may read so, as far as that shows."""
+    values = without_sentinel(found.values)[0]
+    some = np.where(circuit.populated, sample_of(values), np.nan)
+    held = np.iinfo(values.dtype).max if values.dtype.kind in "iu" else np.inf
+    known = held < circuit.full_scale or scale_of(values, circuit.full_scale).refused()
+    return not known and not processed(some, circuit.adc_bits)
+
+
+def _of_numbers(path, values: np.ndarray, circuit: Circuit) -> Found:
+    """Return the frames of an array (ValueError: it holds none)."""
     if values.dtype.kind not in "fiu":
         raise FileError(f"{path}: holds {values.dtype}: must be numbers")
-    notes = []
-    if values.dtype.kind == "f" and (odd := np.isinf(values)).any():
+    odd = np.isinf(values) if values.dtype.kind == "f" else np.zeros(0, bool)
+    if odd.any():
         values = np.where(odd, np.nan, values)
-        notes.append(f"{odd.sum()} infinite numbers are taken as not read")
     found = _of_array(path, values, circuit)
-    found.notes[:0] = notes
-    if times is not None:
-        if times.shape != found.values.shape[:1]:
-            raise FileError(
-                f"{path}: times has shape {times.shape}: must be {found.values.shape[:1]}"
-            )
-        found.times = times
+    if odd.any():
+        found.notes.insert(0, f"{odd.sum()} infinite numbers are taken as not read")
     return found
 
 
@@ -283,9 +355,16 @@ def _rise(found: Frames) -> None:
     good = times > latest
     if not good.all():
         found.notes.append(f"{(~good).sum()} frames whose time does not rise: dropped")
+        if (again := int((np.diff(times) < 0.0).sum())) and 2 * good.sum() < len(good):
+            found.notes.append(f"it begins again {again} times: must be a file for each part")
         found.lost += int((~good).sum())
     found.values, found.times = keep(found.values, np.flatnonzero(good)), times[good]
     steps = np.diff(found.times)
+    if steps.sum() > 365.0 * columns.DAY:
+        raise FileError(
+            f"{found.path}: times from {times[good][0]:.6g} to {times[good][-1]:.6g} s: their unit "
+            "is another one, or the clock was set meanwhile: must be a file for each part"
+        )
     gaps = steps > _GAP * np.median(steps) if len(steps) else np.zeros(0, bool)
     if gaps.any():
         at = found.times[:-1][gaps][0] - found.times[0]

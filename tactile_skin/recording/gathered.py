@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .columns import MOST
+from .columns import MOST, is_time_name
 from .tables import Rows
 
 _AT_ONCE = 1 << 17  # numbers that are taken into the table together, 1 MiB
@@ -58,13 +58,17 @@ class Gathered:
         self._numbers: np.ndarray = np.empty((0, width), np.float32)
         self._finer: dict[int, list[np.ndarray]] = {}  # column -> what float32 does not hold
         self._words: dict[int, list[str]] = {}  # column -> its texts
+        self._timed: set[int] = set()  # columns with the name of a time
+        self._marks: dict[int, str] = {}  # column -> its first text
         self._waiting: list[Line] = []
-        self._lines: list[np.ndarray] = []  # of number, run, damaged, with text in its middle
+        self._lines: list[np.ndarray] = []  # of number, run, damaged
 
     def add(self, line: Line, header: list[str]) -> None:
         """Take a line of numbers, behind a line of text with this header."""
         n = len(line.words)
         alike = self.widths.setdefault(n, Alike(line.number, header, line.names))
+        if n == self._width and not alike.lines:
+            self._timed = {k for k, name in enumerate(header) if is_time_name(name)}
         alike.lines += 1
         alike.trails = alike.trails and line.trails
         if n > _PART * self._width:
@@ -75,19 +79,20 @@ class Gathered:
     def _take(self) -> None:
         """Take the lines that wait into the table."""
         n, width, waiting = self._n, self._width, self._waiting
-        numbers, lines = np.full((len(waiting), width), np.nan), np.zeros((len(waiting), 4), "i4")
+        numbers, lines = np.full((len(waiting), width), np.nan), np.zeros((len(waiting), 3), "i4")
         for k, line in enumerate(waiting):
-            damaged, middle = len(line.numbers) != width, False
+            damaged = len(line.numbers) != width
             if not damaged:
                 numbers[k] = line.numbers
+                numbers[k, line.texts] = np.inf
                 for column, word in zip(line.texts, line.words, strict=True):
-                    if MOST <= column < width - MOST - 1:
-                        middle = True
+                    self._marks.setdefault(column, word)
+                    if MOST <= column < width - MOST - 1 and column not in self._timed:
                         continue
                     words = self._words.setdefault(column, [])
                     words += [""] * (n + k - len(words))
                     words.append(word)
-            lines[k] = line.number, line.run, damaged, middle
+            lines[k] = line.number, line.run, damaged
         with np.errstate(over="ignore"):
             short = numbers.astype(np.float32)
         finer = np.flatnonzero(~((short == numbers) | np.isnan(numbers)).all(0))
@@ -117,13 +122,12 @@ class Gathered:
         self._take()
         self._numbers.resize((self._n, self._width), refcheck=False)
         numbers = self._numbers[:, :width]
-        numbered, runs, damaged, middle = np.concatenate(self._lines).T
+        numbered, runs, damaged = np.concatenate(self._lines).T
         texts = {}
         for k in range(width):
             words = self._words.get(k, [])
             if words or ((k < MOST or k >= width - MOST) and np.isnan(numbers[:, k]).any()):
                 texts[k] = np.array([*words, *[""] * (self._n - len(words))], object)
         finer = {k: np.concatenate(parts) for k, parts in self._finer.items() if k < width}
-        return Rows(
-            numbers, numbered, runs, damaged.astype(bool), header, texts, middle.astype(bool), finer
-        )
+        marks = self._marks
+        return Rows(numbers, numbered, runs, damaged.astype(bool), header, texts, marks, finer)

@@ -18,7 +18,7 @@ from ..errors import FileError
 from ..files import decode, read_bytes, shorten
 from ..physics.circuit import Circuit
 from .gathered import Gathered, Line
-from .tables import ABSENT, Found, frames_of, number
+from .tables import ABSENT, Found, frames_of, headed, number
 
 Blocks = Callable[[], Iterator[list[str]]]  # begins to read a text; its lines, some at a time
 _SAMPLE = 200  # lines that tell the separator
@@ -31,6 +31,10 @@ _UNIT = re.compile(r"^[#\s]*units?\b[^:=]*[:=\s]\s*(.*)$", re.IGNORECASE)
 # Units that no ADC has, of systems that were calibrated.
 _PRESSURE = re.compile(r"n/(cm|mm|m)|k?pa$|mmhg|psi|kg|mbar|bar$|newton", re.IGNORECASE)
 _NAME = re.compile(r'(?<![\w"])"?([A-Za-z_][\w .]*)"?\s*[:=]')  # of a number
+_RATE = re.compile(
+    r"(seconds?[ _]per[ _]frame)|fps|frames?[ _](?:rate|per[ _]second)|sampl\w+[ _](?:rate|freq)",
+    re.IGNORECASE,
+)
 _HEADING = 3  # names in a line above the rows of a frame, at most
 _TEXT = 0.5  # share of a line's fields that are no numbers, at least, where it is no line of them
 _LARGEST_REFERENCE = 1 << 26  # bytes
@@ -53,7 +57,7 @@ def read_text(blocks: Blocks, circuit: Circuit) -> Found:
     form = _form(blocks)
     width = _usual(islice(_sorted(blocks, form), _SAMPLE))
     while True:
-        gathered, passed = _gather(blocks, form, width)
+        gathered, passed, rate = _gather(blocks, form, width)
         if not gathered.widths:
             lines = (line for block in blocks() for line in block if line.strip())
             first = next((f": the first is {shorten(line)}" for line in lines), "")
@@ -71,7 +75,7 @@ def read_text(blocks: Blocks, circuit: Circuit) -> Found:
     names = [h for h in (alike.header, alike.names) if len(h) == width]
     width -= trails
     header = names[0][:width] if names else []
-    found = frames_of(gathered.table(width, header), circuit)
+    found = frames_of(headed(gathered.table(width, header)), circuit)
     notes = []
     above = [k for k in passed if k < alike.begin]
     among, others = passed[len(above) :], sum(other.lines for other in widths.values())
@@ -83,7 +87,7 @@ def read_text(blocks: Blocks, circuit: Circuit) -> Found:
     ):
         if dropped:
             notes.append(f"{dropped} lines {why} (the first: line {min(at)})")
-    found.notes[:0] = notes
+    found.notes[:0], found.rate = notes, rate
     return found
 
 
@@ -96,17 +100,27 @@ def _usual(lines: Iterable[Line]) -> int:
     return weight.most_common(1)[0][0]
 
 
-def _gather(blocks: Blocks, form: _Form, width: int) -> tuple[Gathered, array[int]]:
-    """Return the lines of numbers, and the numbers of the lines of text."""
-    gathered, passed, header = Gathered(width), array("i"), []
+def _gather(blocks: Blocks, form: _Form, width: int) -> tuple[Gathered, array[int], float | None]:
+    """Return the lines of numbers, the numbers of those of text, and the rate in their head."""
+    gathered, passed, header, rate = Gathered(width), array("i"), [], None
     for line in _sorted(blocks, form):
         if line.is_text:
             _check_unit(line)
+            if not gathered.widths:
+                rate = _rate(" ".join(line.words)) or rate
             passed.append(line.number)
             header = line.words
         else:
             gathered.add(line, header)
-    return gathered, passed
+    return gathered, passed, rate
+
+
+def _rate(head: str) -> float | None:
+    """Return the frames a second that a line of text says; None: none."""
+    said, value = _RATE.search(head), re.search(r"\d*\.?\d+", head)
+    if not said or not value or not float(value[0]):
+        return None
+    return 1.0 / float(value[0]) if said[1] else float(value[0])
 
 
 def _named(line: str) -> tuple[str, list[str]]:
@@ -177,7 +191,8 @@ def _sorted(blocks: Blocks, form: _Form) -> Iterator[Line]:
             continue
         numbers, texts = _numbers(words)
         trails = bool(form.separator) and not words[-1]
-        is_text = bool(texts) and len(texts) >= _TEXT * (len(words) - trails)
+        alike = len(texts) > 1 and len({words[k] for k in texts}) == 1  # where no cells are
+        is_text = bool(texts) and len(texts) >= _TEXT * (len(words) - trails) and not alike
         run += broken and not is_text
         broken = is_text
         yield Line(k, words, numbers, texts, trails, run, names, is_text)

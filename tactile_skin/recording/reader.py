@@ -211,7 +211,10 @@ class Recording:
         if not magic:
             raise FileError(f"{self.path}: is empty")
         if not magic.startswith(_MAGIC):
-            raise FileError(f"{self.path}: is no MCAP file")
+            raise FileError(
+                f"{self.path}: is no MCAP file. Of a board's table or array one is made by: "
+                "tactile-skin replay FILE config:=YAML --out FILE.mcap"
+            )
         if not magic.endswith(_VERSION):
             raise FileError(f"{self.path}: its version of MCAP is {magic[5:6]!r}: must be b'0'")
 

@@ -3,12 +3,15 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import permutations
 from typing import NamedTuple
 
 import numpy as np
 
+from ..files import shorten
 from ..physics.circuit import Circuit
 from . import columns
 from .columns import Column, Role
@@ -23,15 +26,15 @@ _NUMBERED = 16  # cells of which no reading looks like a header that numbers the
 class Rows:
     """Lines of one width."""
 
-    numbers: np.ndarray  # (n, width); NaN: nothing there, or text
+    numbers: np.ndarray  # (n, width); NaN: nothing there; infinite: text
     numbered: np.ndarray  # (n,) lines of the file, from 1
     runs: np.ndarray  # (n,) rising, the same for lines that follow each other with nothing between
     damaged: np.ndarray  # (n,) bool, lines that stand for one of another width
     names: list[str] = field(default_factory=list)  # of the columns; empty: none
     # column -> (n,) its texts, empty where it has none, of the first and last columns that lack any
-    # number
+    # number, and those of times
     texts: dict[int, np.ndarray] = field(default_factory=dict)
-    middle: np.ndarray | None = None  # (n,) bool, lines with text in another column; None: no line
+    marks: dict[int, str] = field(default_factory=dict)  # column -> its first text
     # column -> (n,) its numbers [float64], of which `numbers` holds less
     finer: dict[int, np.ndarray] = field(default_factory=dict)
 
@@ -49,7 +52,6 @@ class Rows:
             runs=self.runs[lines],
             damaged=self.damaged[lines],
             texts={k: words[lines] for k, words in self.texts.items()},
-            middle=None if self.middle is None else self.middle[lines],
             finer={k: numbers[lines] for k, numbers in self.finer.items()},
         )
 
@@ -57,15 +59,17 @@ class Rows:
         name = self.names[k] if self.names else ""
         words = list(self.texts[k][lines]) if k in self.texts else []
         numbers = self.finer.get(k, self.numbers[:, k])
-        return Column(name, numbers[lines].astype(float), words)
+        numbers = numbers[lines].astype(float)
+        return Column(name, np.where(np.isinf(numbers), np.nan, numbers), words)
 
-    def cells(self, cells: range) -> np.ndarray:
+    def cells(self, cells: Sequence[int]) -> np.ndarray:
         """(n, cells) numbers of these columns, as a view where that is possible."""
         if finer := [k for k in self.finer if k in cells]:
             self.numbers = self.numbers.astype(float)
             for k in finer:
                 self.numbers[:, k] = self.finer[k]
-        return self.numbers[:, cells.start : cells.stop]
+        inside = slice(cells[0], cells[-1] + 1)
+        return self.numbers[:, inside if [*cells] == [*range(cells[0], cells[-1] + 1)] else cells]
 
 
 @dataclass
@@ -77,6 +81,7 @@ class Found:
     # what was assumed, repaired or dropped, in words
     notes: list[str] = field(default_factory=list)
     lost: int = 0  # frames that were dropped
+    rate: float | None = None  # frames a second that its head says
 
 
 class _Layout(NamedTuple):
@@ -112,37 +117,44 @@ def frames_of(table: Rows, circuit: Circuit) -> Found:
             "table.pivot(index=TIME, columns=[ROW, COLUMN], values=READING).to_csv(FILE, "
             "header=False)"
         )
-    layout = _layout(table, circuit)
+    cells: Sequence[int] = columns.named(table.names, circuit.rows, circuit.cols)
+    layout = _Layout(len(cells), width - len(cells), 1) if cells else _layout(table, circuit)
     notes: list[str] = []
-    numbers = table.numbers[0]
-    if layout.cells >= _NUMBERED and np.isnan(numbers[0]) and not np.diff(numbers[1:], 2).any():
-        table = table.part(slice(1, None))  # as pandas writes an array: an empty field, 0, 1, 2 ...
     table = _written(table, layout, notes)
-    split: columns.Split | None = columns.ALL_CELLS
-    if layout.others:
-        split = columns.split(table.column, width, layout.cells, layout.lines)
-    if split is None:
+    if cells:
+        each = [table.column(k) for k in range(width) if k not in cells]
+        roles = [columns.role_by_name(c.name, columns.counts(c.numbers)) for c in each]
+    elif split := columns.split(table.column, width, layout.cells, layout.lines):
+        cells, roles = range(split.front, split.front + layout.cells), [*split.roles]
+    else:
         raise ValueError(
             f"{_holds(width, circuit)}, and neither its first nor its last fields show by a name, "
             "or by what they do, that they are no cells: name them in a header (time_ms, index, "
             "label)"
         )
-    cells = range(split.front, split.front + layout.cells)
     first = _first_lines(table.runs, layout.lines)
     lines = first[:, None] + np.arange(layout.lines)
-    text = _with_text(table, cells)
+    numbers = table.cells(cells)
+    bare = len(lines) >= _LINES_OF_CELLS and (table.runs == table.runs[0]).all()
+    if layout.lines > 1 and bare and not _are_rows(numbers[lines[:_AT_ONCE]]):
+        raise ValueError(
+            f"{_holds(width, circuit)}, and a line is as like the next one as that {layout.lines} "
+            "lines later: frames of a smaller mat? An empty line after each frame shows its rows"
+        )
+    marks = [table.marks.get(k, "") for k in cells]
+    notes += _drop_marks(numbers, lines[~table.damaged[lines].any(1)], marks)
+    text = by_part(lambda part: np.isinf(part).any(1), numbers)
     bad = (table.damaged | text)[lines].any(1)
     if text.any():
         at = table.numbered[text][0]
         notes.append(f"{text.sum()} lines with text for a number: dropped (the first: line {at})")
-    numbers = table.cells(cells)
     empty = by_part(lambda part: np.isnan(part).all(1), numbers)
     blind = ~bad & empty[lines].all(1)
     good = ~bad & ~blind
     outside = [k for k in range(width) if k not in cells]
     others = [
         (table.column(k, first[good]), role, _place(k, width))
-        for k, role in zip(outside, split.roles, strict=True)
+        for k, role in zip(outside, roles, strict=True)
     ]
     if layout.lines > 1:
         notes.append(
@@ -189,6 +201,25 @@ def _frames(
     return values.reshape(-1, *circuit.shape)
 
 
+def headed(table: Rows) -> Rows:
+    """Without a first line that numbers the columns, 0, 1, 2 ..., as pandas writes it: names."""
+    head = table.numbers[0]
+    numbered = head[np.isfinite(head)].tolist()
+    n = len(numbered)
+    if table.names or n < _NUMBERED or numbered not in ([*range(n)], [*range(1, n + 1)]):
+        return table
+    names = [table.marks.get(k, f"{number:g}") for k, number in enumerate(head)]
+    return replace(table.part(slice(1, None)), names=["" if n == "nan" else n for n in names])
+
+
+def _are_rows(frames: np.ndarray) -> bool:
+    """Whether lines of (n, lines, cells) differ as rows: more than by chance, or than in time."""
+    frames = np.where(np.isfinite(frames), frames, 0.0).astype(float)
+    near, far = (np.abs(np.diff(frames, axis=axis)).mean() for axis in (1, 0))
+    own, chance = frames.mean(0).var(0).mean(), frames.var(0).mean() / len(frames)
+    return bool(near > 1.1 * far or own > 2.0 * chance or not near)
+
+
 def _holds(width: int, circuit: Circuit) -> str:
     rows, cols = circuit.shape
     return f"most lines hold {width} numbers, the circuit is {rows} x {cols} = {rows * cols}"
@@ -225,7 +256,8 @@ def _layout(table: Rows, circuit: Circuit) -> _Layout:
             )
         raise ValueError(
             f"{_holds(width, circuit)}: must be these, or {cols}, a row of the matrix a line, with "
-            f"at most {columns.MOST} columns more for time, counter and label; check rows and cols"
+            f"at most {columns.MOST} columns more for time, counter and label, or a header that "
+            "names the cells (R1C1 ...); check rows and cols"
         )
     return min(found, key=lambda layout: layout.others)
 
@@ -242,13 +274,22 @@ def _written(table: Rows, layout: _Layout, notes: list[str]) -> Rows:
     return table.part(slice(last))
 
 
-def _with_text(table: Rows, cells: range) -> np.ndarray:
-    """(n,) bool: lines with text where a cell's number should be."""
-    found = np.zeros(len(table.numbers), bool) if table.middle is None else table.middle
-    for k in cells:
-        if k in table.texts:
-            found = found | (table.texts[k] != "")
-    return found
+def _drop_marks(numbers: np.ndarray, lines: np.ndarray, marks: Sequence[str]) -> list[str]:
+    """Make text at the same cells of all frames crossings without readings; return it in words.
+
+    Args:
+        numbers: (n, cells) of lines, changed in place; infinite: text.
+        lines: (frames, lines) which make a frame.
+        marks: (cells,) the first text of each column; empty: none.
+    """
+    worded = np.array([bool(mark) and not re.search(r"\d", mark) for mark in marks])
+    if not worded.any() or not len(lines):
+        return []
+    always = [by_part(lambda part: ~np.isinf(numbers[part]), k).sum(0) == 0 for k in lines.T]
+    for r, c in np.argwhere(found := np.array(always) & worded):
+        numbers[lines[:, r], c] = np.nan
+    where = f"at the same {found.sum()} cells of all frames: no readings"
+    return [f"{marks[int(found.any(0).argmax())]!r} {where}"] if found.any() else []
 
 
 def _first_lines(runs: np.ndarray, lines: int) -> np.ndarray:
@@ -262,12 +303,18 @@ def _first_lines(runs: np.ndarray, lines: int) -> np.ndarray:
     return np.array(found, dtype=int)
 
 
-def _describe_others(others: list[tuple[Column, Role, str]], found: Found) -> None:
+def _describe_others(others: list[tuple[Column, Role | None, str]], found: Found) -> None:
     """Add to `found` times and notes from the columns that are no cells, each with its place."""
-    for _, role, place in others:
-        if role is not Role.TIME:
+    if passed := [column.name for column, role, _ in others if role is None]:
+        names = ", ".join(passed)
+        found.notes.append(f"{len(passed)} columns by name no cells: passed over ({names})")
+    for column, role, place in others:
+        if role not in (Role.TIME, None):
             what = "counts" if role is Role.COUNTER else "is a label"
             found.notes.append(f"{place} {what}: passed over")
+        if role is Role.LABEL and len(seen := list(dict.fromkeys(filter(None, column.words)))) > 1:
+            words = f"{len(seen)} labels, {', '.join(map(shorten, seen[: columns.MOST]))}"
+            found.notes.append(f"{words}{' ...' * (len(seen) > columns.MOST)}: a file for each?")
     if timed := [(column, place) for column, role, place in others if role is Role.TIME]:
         found.times = columns.times([c for c, _ in timed], found.notes, [p for _, p in timed])
 

@@ -17,26 +17,32 @@ from ..nodes import READING
 from ..nodes.serial_driver import SerialDriver
 from ..parameters.shared import Shared
 from ..physics.adc import Adc
-from ..recording.frames import read_frames
+from ..recording.frames import Frames, read_frames
 
-_RATE = 100.0  # frames a second, of files without times
+RATE = 100.0  # frames a second, of files without times
 # Share of the largest load from which frames bear it: a skin whose rest has drifted by 1 %
 # seems to bear 0.01 of a weight, by 9 boards.
 _LOADED = 0.2
 _PATIENCE = 10.0  # s without a frame after which the board is taken for absent
 
 
+def supposed(found: Frames, rate: float) -> list[str]:
+    """Return that the times of a file's frames are not known, in words; empty: they are."""
+    said = f"has no times: {rate:g} frames a second are supposed: give rate:="
+    return [said] if found.times is None else []
+
+
 class Recorded:
     """Frames of a file, as if its board were there: each call takes those that come next."""
 
-    def __init__(self, adc: Adc, rate: float | None, full_scale: float | None = None):
-        self._adc, self._default, self._given = adc, rate or _RATE, (rate, full_scale)
+    def __init__(self, adc: Adc, rate: float | None, full_scale: float | None = None, part=None):
+        self._adc, self._default = adc, rate or RATE
+        self._given = {"rate": rate, "full_scale": full_scale, "part": part}
 
     def open(self, path: str) -> None:
         """Open a file of frames (FileError, OSError: as read_frames)."""
-        rate, full_scale = self._given
-        found = read_frames(path, self._adc.circuit, rate=rate, full_scale=full_scale)
-        for note in found.notes:
+        found = read_frames(path, self._adc.circuit, **self._given)
+        for note in found.notes + supposed(found, self._default):
             print(f"  {path}: {note}")
         self._frames, self._at, times = found.ratio(self._adc), 0, found.times
         self._rate, self._times = self._default, times
