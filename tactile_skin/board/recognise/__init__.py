@@ -10,7 +10,7 @@ import json
 
 from ...readings.scale import VOLTS
 from ..frame import Parser
-from ..packets import PacketParser
+from ..packets import PacketFormat, PacketParser
 from ..protocol import BinaryParser
 from ..text import TextParser
 from .lines import of_boards, recognise_lines
@@ -46,9 +46,19 @@ def recognise(data: bytes, shape: tuple[int, int] | None = None) -> Seen:
         )
     if len(data) < _MANY:
         return Seen("", "too few bytes to tell", data, text=not data.translate(None, _PRINTABLE))
-    if len(data.translate(None, _PRINTABLE)) <= _STRANGE * len(data):
-        return recognise_lines(data, shape)
-    return recognise_packets(data, shape)
+    strange = data.translate(None, _PRINTABLE)
+    packets = recognise_packets(data, shape) if strange else None
+    if packets and len(strange) > _STRANGE * len(data):
+        return packets
+    # what a check proves is no text, whatever its bytes look like; nor is what has a head of bytes
+    # that no text has, unless lines of numbers are sure
+    if packets and isinstance(packets.format, PacketFormat):
+        if packets.format.check:
+            return packets
+        lines = recognise_lines(data, shape)
+        head = bytes.fromhex(packets.format.head.replace("?", ""))
+        return lines if lines.sure or head.isascii() else packets
+    return recognise_lines(data, shape)
 
 
 def explain(parser: Parser) -> str:

@@ -28,12 +28,12 @@ class Heard:
         self.rate = self.seen.frames / seconds if seconds and not request else 0.0
 
     def fits(self, shape: tuple[int, int]) -> bool:
-        """Whether it is a board of this shape; it is recognised again where that leads to another.
+        """Whether it is a board of this shape; it is recognised again where that may say more.
 
-        A reading whose high byte never changes looks like the head of a packet, and columns that
-        are numbered look like rows.
+        A reading that never changes looks like the head of a packet, and columns that are numbered
+        look like rows.
         """
-        if not _is_of(self.seen, shape):
+        if not (self.seen.sure and _is_of(self.seen, shape)):
             seen = recognise(self.data, shape)
             if seen.protocol and _is_of(seen, shape):
                 self.seen = seen
