@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..packets import CHECKS, WORDS, PacketFormat, PacketParser, check_of
-from .columns import likely_less, sides
+from .columns import FEW, likely_less, sides
 from .seen import Seen
 
 _REPEATS = 6  # packets, at least, in a sample
@@ -23,12 +23,10 @@ _CHAIN = 0.8  # share of the sample that one period explains
 _MARKS = 24  # runs of constant bytes that are tried as a head
 _HEAD = 16  # constant bytes, at most, of a packet that are no readings, and
 _UNKNOWN = 8  # others
-_CHECK_FRAMES = 4  # packets, all different, that a check must fit
 _STEADY = 0.7  # share of the steps of a counter that are its usual one: lost packets make others
 _LIVELY = 1.5  # times as much as any other byte of a word moves its lowest one
 _MOST = 0.9  # of packets or words, as damage and touches make others
 _WILD = 24.0  # steps from packet to packet, on average, of a byte that is no reading's highest
-_FEWEST_WORDS = 4  # that must move to show how wide they are
 
 
 def recognise_packets(data: bytes, shape: tuple[int, int] | None = None) -> Seen:
@@ -48,7 +46,7 @@ def recognise_packets(data: bytes, shape: tuple[int, int] | None = None) -> Seen
         return Seen("", f"{about}, but no readings of 8 or 16 bits between", sample)
     parser = PacketParser(1, best.cells, 16, replace(best.format, full_scale=65535.0))
     frames = len(parser.feed(data))
-    found = replace(best, sample=sample, frames=frames, sure=best.sure and frames >= _CHECK_FRAMES)
+    found = replace(best, sample=sample, frames=frames, sure=best.sure and frames >= FEW)
     return replace(found, about=f"{about}: {best.about}")
 
 
@@ -105,7 +103,7 @@ def _proved(flat: np.ndarray, still: np.ndarray, cells: int) -> Seen | None:
         # the high byte of a sum may be the same in all packets, as what ends a packet is
         for at, high in ((begin + high, high) for begin in runs for high in range(size)):
             packets = _turned(flat, period, at)
-            some = list({bytes(p): None for p in packets[: 4 * _CHECK_FRAMES]})
+            some = list({bytes(p): None for p in packets[: 4 * FEW]})
             fixed = _leading(np.roll(still, -at))
             for unchecked in range(fixed + 1):
                 end = period - size
@@ -115,7 +113,7 @@ def _proved(flat: np.ndarray, still: np.ndarray, cells: int) -> Seen | None:
 
                 fit = list(map(fits, some[:2]))
                 fit += map(fits, some[2:] if any(fit) else ())
-                if sum(fit) < max(_CHECK_FRAMES, _MOST * len(some)):
+                if sum(fit) < max(FEW, _MOST * len(some)):
                     continue
                 if high and some[0][-1:] + some[0][:1] == b"\r\n":
                     continue
@@ -144,15 +142,15 @@ def _lowest(moves: np.ndarray) -> tuple[int, int]:
     """Return of how many bytes a word is, and which is its lowest; 0 bytes: too few move."""
     for size in (5, 3, 4, 2):  # 5 bytes: 4 words of 10 bits; 3: of 24 bits, or 2 of 12
         words = moves[: len(moves) // size * size].reshape(-1, size)
-        if len(words) < _FEWEST_WORDS:
+        if len(words) < FEW:
             continue
         ends, means = np.sort(words, 1), np.sort(words.mean(0))
         words = words[ends[:, -1] > ends[:, -2]]
         at, often = Counter(words.argmax(1).tolist()).most_common(1)[0] if len(words) else (0, 0)
-        clear = often >= max(_MOST * len(words), _FEWEST_WORDS)
+        clear = often >= max(_MOST * len(words), FEW)
         if clear and means[-1] > _LIVELY * means[-2]:
             return size, at
-    return int(np.count_nonzero(moves) >= _FEWEST_WORDS), 0
+    return int(np.count_nonzero(moves) >= FEW), 0
 
 
 def _counters(packets: np.ndarray, fixed: int) -> int:
@@ -234,7 +232,7 @@ def _unproved(flat: np.ndarray, still: np.ndarray, cells: int) -> Seen | None:
             inner = turned[:, first:end]
             if (
                 not 0 < len(rest) <= first <= _HEAD + _UNKNOWN
-                or inner.shape[1] < wide * _FEWEST_WORDS
+                or inner.shape[1] < wide * FEW
                 or -more > _UNKNOWN
             ):
                 continue
