@@ -9,7 +9,7 @@ from tactile_skin.board.recognise.listen import BAUDS, listen
 
 LINES = [  # an untouched skin's
     b",".join(b"%d" % n for n in line) + b"\n"
-    for line in np.random.default_rng(1).integers(40, 49, (100, 64))
+    for line in np.random.default_rng(1).integers(45, 54, (100, 64))
 ]
 STEP = 0.05  # s that a read waits
 

@@ -14,7 +14,8 @@ from support.marks import ci
 
 from tactile_skin.board.formats import make_parser
 from tactile_skin.board.packets import CHECKS, check_of
-from tactile_skin.board.recognise import recognise
+from tactile_skin.board.recognise import explain, recognise
+from tactile_skin.board.recognise.listen import Heard
 
 SHAPE = 8, 8
 CELLS = 64
@@ -155,3 +156,61 @@ def test_packets_whose_bytes_can_be_printed_are_no_text(check, level):
     data = [body + (SUMS | NO_SUMS)[check](body) for body in bodies]
     whole, sure, found = judged(data, right, 8, None)
     assert whole and found and sure == bool(check)
+
+
+TEXTS = {  # how a number is printed
+    "decimal": "d",
+    "decimal, padded": "04d",
+    "hexadecimal": "x",
+    "hexadecimal, padded": "03X",
+    "hexadecimal, marked": "#06x",
+}
+
+
+@pytest.mark.parametrize("separator", [",", *(ci(mark) for mark in (" ", ", ", "; ", "\t"))])
+@pytest.mark.parametrize("kind", TEXTS)
+@pytest.mark.parametrize("rows", [False, True])
+def test_a_text_of_decimal_or_hexadecimal_numbers_is_read_under_touches(rows, kind, separator):
+    """Of digits alone a text may be both: then it is asked, and what is typed reads it."""
+    count = np.zeros(2)
+    for level in LEVELS[1::3]:
+        right = pictures(10, level, 1)
+        data = []
+        for picture in right[::4]:
+            words = [format(v, TEXTS[kind]) for v in picture]
+            each = np.array_split(words, 8 if rows else 1)
+            text = "".join(separator.join(row) + "\r\n" for row in each) + "\r\n" * rows
+            data.append(text.encode())
+        heard = Heard(b"".join(data[:15])[CUT:], 115_200)
+        if heard.seen.digits:
+            assert not heard.seen.sure
+            heard.read_as(kind.startswith("hex"))
+        seen = heard.seen
+        if not seen.protocol or seen.cells != CELLS:
+            assert not seen.sure
+            continue
+        parser = make_parser(seen.protocol, *SHAPE, 10, seen.format)
+        frames = parser.feed(b"".join(data)[CUT:])
+        read = np.array([frame.samples.ravel() for frame in frames]) / 64
+        whole = len(read) >= len(data) - 2 and np.array_equal(read, right[4::4][: len(read)])
+        assert whole or not seen.sure
+        count += whole, seen.sure
+    assert count[0] == 3 and count[1] >= 2, count
+
+
+def test_letters_under_a_touch_name_hexadecimal_numbers_that_are_read_as_decimal_ones():
+    right = np.clip(pictures(8, 85, 2), 81, 255)
+    data = [", ".join(format(v, "02x") for v in picture).encode() + b"\n" for picture in right]
+    rest = [line for line, p in zip(data, right, strict=True) if p.max() < 90]
+    heard = Heard(b"".join(rest), 9_600)
+    assert heard.seen.digits == 2 and not heard.seen.sure and heard.settled
+    assert "numbers of 2 digits may be hexadecimal" in heard.seen.about
+    parser = make_parser("text", *SHAPE, 8, heard.seen.format)
+    parser.feed(b"".join(data))
+    assert "set serial_driver.format.hexadecimal: true" in explain(parser)
+
+
+def test_a_class_of_one_letter_makes_no_number_hexadecimal():
+    right = pictures(10, 85, 2)[:40]
+    data = [f"{','.join(map(str, p))},{'abc'[k % 3]}\n" for k, p in enumerate(right)]
+    assert not recognise("".join(data).encode()).format.hexadecimal

@@ -24,8 +24,15 @@ _SAMPLE = 16_384  # bytes that a live message looks at
 BAUD = "is serial_driver.baud that of the board's sketch?"
 
 
-def recognise(data: bytes, shape: tuple[int, int] | None = None) -> Seen:
-    """Return what a sample of bytes is; `shape` is the (rows, cols) that are expected, if any."""
+def recognise(
+    data: bytes, shape: tuple[int, int] | None = None, hexadecimal: bool | None = None
+) -> Seen:
+    """Return what a sample of bytes is.
+
+    Args:
+        shape: the (rows, cols) that are expected, if any.
+        hexadecimal: whether numbers in a text are; None: nobody knows.
+    """
     own = BinaryParser()
     frames = own.feed(data)
     if frames and own.layout:
@@ -55,10 +62,10 @@ def recognise(data: bytes, shape: tuple[int, int] | None = None) -> Seen:
     if packets and isinstance(packets.format, PacketFormat):
         if packets.format.check:
             return packets
-        lines = recognise_lines(data, shape)
+        lines = recognise_lines(data, shape, hexadecimal)
         head = bytes.fromhex(packets.format.head.replace("?", ""))
         return lines if lines.sure or head.isascii() else packets
-    return recognise_lines(data, shape)
+    return recognise_lines(data, shape, hexadecimal)
 
 
 def explain(parser: Parser) -> str:
@@ -118,7 +125,9 @@ def _of_text(parser: TextParser, seen: Seen) -> str:
         )
     given, found = parser.format, seen.format
     wrong = [
-        name for name in ("line", "end", "first") if getattr(given, name) != getattr(found, name)
+        name
+        for name in ("line", "end", "first", "hexadecimal")
+        if getattr(given, name) != getattr(found, name)
     ]
     if wrong:
         settings = [
@@ -146,7 +155,7 @@ def _of_text(parser: TextParser, seen: Seen) -> str:
 def _typed(value: str | int) -> str:
     """Return a value as it is typed into a YAML file."""
     if isinstance(value, int):
-        return str(value)
+        return str(value).lower()
     return "'" + value.replace("'", "''") + "'" if value.isprintable() else json.dumps(value)
 
 

@@ -29,6 +29,7 @@ class Heard:
     ):
         self.data, self.baud, self.request, self.over = data, baud, request, over
         self.seen: Seen = recognise(data, shape)
+        self._hexadecimal: bool | None = None  # as was said
         if over:  # a banner, perhaps
             self.seen = replace(self.seen, sure=False)
         # frames a second; 0: unknown, or only when they are asked for
@@ -41,16 +42,21 @@ class Heard:
         look like rows.
         """
         if not (self.seen.sure and _is_of(self.seen, shape)):
-            seen = recognise(self.data, shape)
+            seen = recognise(self.data, shape, self._hexadecimal)
             if seen.protocol and _is_of(seen, shape):
                 self.seen = seen
         return _is_of(self.seen, shape)
+
+    def read_as(self, hexadecimal: bool) -> None:
+        """Take the numbers of a text as hexadecimal ones, or as decimal ones."""
+        self._hexadecimal = hexadecimal
+        self.seen = recognise(self.data, None, hexadecimal)
 
     @property
     def settled(self) -> bool:
         """Whether no other baud rate can read like this: lines, or what a check proves."""
         checked = isinstance(self.seen.format, PacketFormat) and bool(self.seen.format.check)
-        return self.seen.sure or (checked and not self.over)
+        return self.seen.sure or bool(self.seen.digits) or (checked and not self.over)
 
     @property
     def rank(self) -> tuple:
