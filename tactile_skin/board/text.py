@@ -21,7 +21,7 @@ from operator import ne
 
 import numpy as np
 
-from ..readings.scale import VOLTS, below_zero
+from ..readings.scale import below_zero, other_scale
 from .frame import NAMES, Frame, Parser, about
 
 _PLAIN = b"0123456789., \t\r;"  # what a line of numbers holds, and
@@ -130,8 +130,8 @@ class TextParser(Parser):
     unless they look like readings that were damaged. Frames of several names that come in turn, as
     `L:` and `R:`, are of several boards: none of them counts.
 
-    Numbers with decimals, none above 5.5, may be volts or shares of the supply: they are no frames
-    until a larger one arrives, or `full_scale` says what they are.
+    Numbers with decimals, none above 5.5 or 1/400 of the ADC's range, may be volts, shares of the
+    supply or kohm: no frames until a larger one arrives, or `full_scale` says what they are.
     """
 
     def __init__(self, rows: int, cols: int, adc_bits: int = 10, fmt: TextFormat | None = None):
@@ -368,7 +368,7 @@ class TextParser(Parser):
             if largest > _NEWS * counters.largest:
                 counters.largest = largest
             return None
-        self._volts = self._volts and largest <= VOLTS
+        self._volts = self._volts and largest <= other_scale(top)
         return None if self._volts and decimals else numbers
 
 

@@ -7,8 +7,9 @@ Imports the parsers of board: what is recognised is what a parser then reads.
 from __future__ import annotations
 
 import json
+import math
 
-from ...readings.scale import VOLTS
+from ...readings.scale import VOLTS, other_scale
 from ..frame import Parser
 from ..packets import PacketFormat, PacketParser
 from ..protocol import BinaryParser
@@ -142,12 +143,14 @@ def _of_text(parser: TextParser, seen: Seen) -> str:
             f"numbers up to {counters.largest:g}, but circuit.adc_bits = {parser.adc_bits} ends at "
             f"{top}: {_beyond(seen, counters.largest)}"
         )
-    if not full and seen.decimals and seen.largest <= VOLTS:
+    if not full and seen.decimals and seen.largest <= other_scale(top):
+        kinds = ("shares of the supply or volts", 1.0), ("volts", VOLTS), ("resistances", math.inf)
+        kind = next(name for name, most in kinds if seen.largest <= most)
+        ohms = "" if seen.largest <= 1.0 else " Resistances cannot be read: print the ADC's steps"
         return (
-            f"numbers up to {seen.largest:g}: these look like "
-            f"{'shares of the supply or volts' if seen.largest <= 1.0 else 'volts'}: set "
+            f"numbers up to {seen.largest:g}: these look like {kind}: set "
             f"serial_driver.format.full_scale to what is printed at the supply, {top} if they are "
-            "ADC steps"
+            f"ADC steps.{ohms}"
         )
     return f"{seen.about}, but not one arrives whole"
 

@@ -243,13 +243,13 @@ def recognise_lines(
     if isinstance(found.format, TextFormat):
         found = replace(found, format=replace(found.format, hexadecimal=letters))
     found = _proved(replace(found, sample=sample, text=True), data, shape)
-    words = [
+    numbers = [
         word
         for line, parts in zip(raw, lines, strict=True)
         if parts and parts.kind == kind
         for word in re.findall(rb"[\d.]+", line)[-kind[2] :]
     ]
-    if hexadecimal is not None or letters or not (digits := may_be_hexadecimal(words)):
+    if hexadecimal is not None or letters or not (digits := may_be_hexadecimal(numbers)):
         return found
     about = f"{found.about}; numbers of {digits} digits may be hexadecimal"
     return replace(found, about=about, sure=False, digits=digits * found.sure)

@@ -79,7 +79,8 @@ def listen(line, bauds, seconds: float, say: Callable[[str], None], shape=None) 
     """
     best: Heard | None = None
     say(f"listening for {seconds:g} s at each of {len(bauds)} baud rates, until one is sure ...")
-    opened, to_do, again = time.monotonic(), list(bauds), []
+    opened, to_do = time.monotonic(), list(bauds)
+    again: list[int] = []  # rates at which it may not have begun
     try:
         while to_do:
             baud = to_do.pop(0)
