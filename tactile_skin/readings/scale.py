@@ -17,7 +17,6 @@ VOLTS = 5.5  # V, the most that a board of 5 V prints
 # are up to 3 steps (data sheet of the ADS1115), and noise adds to them.
 _BELOW_ZERO = 4.0
 _BELOW_ZERO_SHARE = 0.001
-_LITTLE = 1 / 400  # of an ADC's range: below the untouched cells of all boards that print means
 _SAMPLE = 200_000  # numbers that are looked at
 _DECIMALS = 1e-6  # share of a unit of the last decimal by which a printed number may miss it
 _PRINTED = 1000.0  # numbers with three decimals or fewer were printed, and rounded
@@ -68,9 +67,10 @@ class Scale(NamedTuple):
 def other_scale(top: float) -> float:
     """Return up to where numbers with decimals may be no means of steps of an ADC that ends at top.
 
-    They may be shares or volts, or resistances in kohm: an ADC that reads so little is not used.
+    They may be shares or volts, or resistances in kohm. So little, 10 of 12 bits, reads no board
+    that prints means.
     """
-    return max(VOLTS, _LITTLE * top)
+    return max(VOLTS, top / 400)
 
 
 def below_zero(full_scale: float) -> float:

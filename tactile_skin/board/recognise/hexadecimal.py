@@ -6,30 +6,30 @@ from __future__ import annotations
 import re
 
 from ..text import HEX
-from .columns import FEW
-
-_FEW_TENS = 6  # of n of them, with a share of (5/8)^n no last digit is a letter by chance
+from .columns import FEW, STEADY
 
 
 def with_letters(lines: list[bytes]) -> bool:
     """Whether letters stand in numbers, in more than one line and place: no class, no damage."""
     where = set()
     for n, line in enumerate(lines):
-        words = [word.strip(b"[](){}<>\r ") for word in re.split(rb"[\s,;]+", line)]
-        numbers = [(k, word) for k, word in enumerate(words) if HEX.fullmatch(word)]
+        words = enumerate(re.split(rb"[\s,;\[\](){}<>]+", line))
+        numbers = [(k, word) for k, word in words if HEX.fullmatch(word)]
         if len(numbers) >= FEW:
             where |= {(n, k) for k, word in numbers if not word.isdigit()}
     return all(len(set(places)) >= 2 for places in zip(*where, strict=True)) and len(where) >= FEW
 
 
 def may_be_hexadecimal(words: list[bytes]) -> int:
-    """Return the digits of numbers that are all as wide, and of few tens; 0: they are decimal.
+    """Return the digits of numbers that are all as wide; 0: they are decimal.
 
-    From 9 to 0 of the next ten no number is left out, as the letters would be.
+    Decimal are numbers on both sides of a ten, between which letters would stand, and those of so
+    many tens that chance spares no letter: (5/8)^n.
     """
-    widths = {len(word) for word in words if word.isdigit()} if all(words) else set()
-    numbers = {int(word) for word in words if word.isdigit()}
-    next_ten = any(n % 10 == 9 and n + 1 in numbers for n in numbers)
-    if len(widths) != 1 or next_ten or len({n // 10 for n in numbers}) > _FEW_TENS:
+    width = len(words[0]) if all(map(bytes.isdigit, words)) else 0
+    if width < 2 or any(len(word) != width for word in words):
         return 0
-    return max(widths) if max(widths) > 1 else 0
+    numbers = {int(word) for word in words}
+    next_ten = any(n % 10 == 9 and n + 1 in numbers for n in numbers)
+    spared = (5 / 8) ** len({n // 10 for n in numbers})
+    return 0 if next_ten or spared < 1.0 - STEADY else width

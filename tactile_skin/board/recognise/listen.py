@@ -17,7 +17,7 @@ BAUDS = (115_200, 1_000_000, 9_600, 500_000, 57_600, 250_000, 230_400, 921_600, 
 # What makes boards answer that send nothing by themselves, in the order in which they are tried.
 REQUESTS = ("A", "\n", "r", "?")
 _ASKED = 0.6  # s that an answer may take
-_OVER = 1.5  # s without a byte behind which nothing is sent by itself
+_OVER = 2.5 * _ASKED  # s without a byte behind which nothing is sent by itself
 _MOST = 100_000  # bytes that are enough
 
 
