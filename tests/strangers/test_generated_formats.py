@@ -147,6 +147,12 @@ def test_a_check_proves_no_words_that_no_description_has(word):
             assert not judged(data, right, bits, known)[1], (level, known)
 
 
+def test_a_few_bytes_of_packed_readings_are_never_sure_to_be_readings():
+    """Nine of 8 bits and a head that holds one more, or eight of 10 bits."""
+    data = [b"\xff\xff" + packed(picture[:8], 10) for picture in pictures(10, 85, 3)[:60]]
+    assert not recognise(b"".join(p + check_of("crc16le", p) for p in data)).sure
+
+
 @pytest.mark.parametrize("level", [44, 50, 60, 100, 120])
 @pytest.mark.parametrize("check", ["sum8", ""])
 def test_packets_whose_bytes_can_be_printed_are_no_text(check, level):

@@ -180,7 +180,8 @@ def _checked(packets, fixed: int, end: int, cells: int, check: str, unchecked: i
         words = moves[first:end].reshape(-1, size).max(1)
         if not words.all():  # a cell that does not move looks like a byte of the head
             first = max(range(first, 0, -size), key=lambda f: _square((end - f) // size))
-        sure = known and bool(words.all()) and not likely_less(len(words))
+        many = end - first >= 5 * FEW  # as the widest pattern needs to show
+        sure = known and many and bool(words.all()) and not likely_less(len(words))
     word = "u8" if size == 1 else f"u16{order}"
     head = _pattern(packets[0][: min(first, fixed)]) + ["??"] * (first - fixed)
     fmt = PacketFormat(" ".join(head), word, check, unchecked)
