@@ -23,7 +23,7 @@ from .terminal import is_simulated
 
 _TIMEOUT = 0.05  # s that a read waits for a byte
 _LENT = 2.0  # s in which another program may open a port that is lent to it
-_LONGEST_BOOT = 30.0  # s that a board may need after its port was opened: Wi-Fi, self-calibration
+LONGEST_BOOT = 30.0  # s that a board may need after its port was opened: Wi-Fi, self-calibration
 _SLOWER = 1.5  # times what it took to its first frame last time
 _EARLY = 1.0  # s of bytes without a frame after which the message says what they are, if known
 _ASK_AGAIN = 0.5  # s without an answer after which a board is asked again
@@ -277,7 +277,7 @@ class SerialReader:
             if silence > patience:
                 self._lost(self._unusable(port, heard, patience), port.name)
                 if last_frame == opened and len(self._ports()) == 1:  # others wait for their turn
-                    self._patience[port.name] = min(2.0 * patience, max(patience, _LONGEST_BOOT))
+                    self._patience[port.name] = min(2.0 * patience, max(patience, LONGEST_BOOT))
                 return
             early = silence > _EARLY and self.connected_to is None and self.port != "auto"
             if early and heard >= look_at:  # to look costs more than to read: seldom

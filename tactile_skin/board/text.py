@@ -21,16 +21,12 @@ from operator import ne
 
 import numpy as np
 
-from ..readings.scale import VOLTS
+from ..readings.scale import below_zero, other_scale
 from .frame import NAMES, Frame, Parser, about
 
 _PLAIN = b"0123456789., \t\r;"  # what a line of numbers holds, and
 _WORDS = b"-naNA"  # what stands for one that is missing
 _DIGITS = b"0123456789.-"
-# Numbers, and share of the full scale, that a signed ADC reads below 0 at 0 V: offsets of such ADCs
-# are up to 3 steps (data sheet of the ADS1115), and noise adds to them.
-_BELOW_ZERO = 4.0
-_BELOW_ZERO_SHARE = 0.001
 _ABSENT = {b"", b"-", b"nan", b"NaN", b"NAN"}
 _SEPARATORS = b",;\t"
 _NEWS = 1.25  # by which a number exceeds what was named before it is named: each text is news
@@ -39,6 +35,7 @@ _PIECE = 0.5  # of a sound line's numbers that a damaged one has, at least
 _NUMBER = re.compile(rb"\d+")
 LABEL = re.compile(rb'"?[A-Za-z_][\w .]*"?(?:\[\d+\])?[ \t]*[:=]')
 _NAMES = r"[\s\[({]*" + LABEL.pattern.decode() + r"[ \t]*"  # of a place, as of a JSON object
+HEX = re.compile(rb"(?<![\w.])(?:0[xX])?([0-9A-Fa-f]{1,8})(?![\w.]|[ \t]*[:=])")
 _OPEN, _CLOSE = b"[({<", b"])}>"
 # A word of a line that is no number, with the number behind it.
 _WORD = re.compile(rb"\b(?!nan\b)[a-z_]\w*(?:[ \[]\d+)?", re.IGNORECASE)
@@ -57,6 +54,11 @@ _VALUES, _PLACES = "values", ("index", "row", "col")
 def unescaped(line: bytes) -> bytes:
     """Return a line without the escape sequences of a terminal."""
     return _ESCAPES.sub(b"", line) if b"\x1b" in line else line
+
+
+def in_decimals(text: bytes) -> bytes:
+    """Return a text with decimal numbers in place of hexadecimal ones."""
+    return HEX.sub(lambda number: b"%d" % int(number[1], 16), text)
 
 
 def line(samples: np.ndarray) -> bytes:
@@ -80,6 +82,7 @@ class TextFormat:
     )
     end: str = about("what ends a line", "\n")
     first: int = about("the first {row}, {col} or {index}", 0, 0, 1)
+    hexadecimal: bool = about("the numbers are, with or without 0x in front", False)
     full_scale: float = about(
         "what is printed of an input at the supply; 0: 2^adc_bits - 1, ADC steps", 0.0, 0.0, 1e6
     )
@@ -127,8 +130,8 @@ class TextParser(Parser):
     unless they look like readings that were damaged. Frames of several names that come in turn, as
     `L:` and `R:`, are of several boards: none of them counts.
 
-    Numbers with decimals, none above 5.5, may be volts or shares of the supply: they are no frames
-    until a larger one arrives, or `full_scale` says what they are.
+    Numbers with decimals, none above 5.5 or 1/400 of the ADC's range, may be volts, shares of the
+    supply or kohm: no frames until a larger one arrives, or `full_scale` says what they are.
     """
 
     def __init__(self, rows: int, cols: int, adc_bits: int = 10, fmt: TextFormat | None = None):
@@ -301,6 +304,8 @@ class TextParser(Parser):
 
     def _numbers(self, text: bytes) -> np.ndarray | None:
         """Return a line's numbers, NaN for those not read; None if it holds anything else."""
+        if self.format.hexadecimal:
+            text = in_decimals(text)
         if text.translate(None, _PLAIN + _WORDS):
             if b":" in text or b"=" in text:
                 text = LABEL.sub(b" ", text)
@@ -363,13 +368,8 @@ class TextParser(Parser):
             if largest > _NEWS * counters.largest:
                 counters.largest = largest
             return None
-        self._volts = self._volts and largest <= VOLTS
+        self._volts = self._volts and largest <= other_scale(top)
         return None if self._volts and decimals else numbers
-
-
-def below_zero(full_scale: float) -> float:
-    """Return how far below 0 numbers are an ADC's own error; what is lower was subtracted."""
-    return max(_BELOW_ZERO, _BELOW_ZERO_SHARE * full_scale)
 
 
 def _balanced(text: bytes) -> bool:

@@ -35,7 +35,8 @@ options, name:=value; what is missing is asked, and Enter takes the value in bra
   diode        forward voltage at 1 mA of a diode in each driven line [V]
   adc_table    esp32: the board's converter is one
   r_ref        reference resistor [ohm]
-  full_scale   what is printed of an input at the supply: 1023 of 10 bits, 5.0 of volts"""
+  full_scale   what is printed of an input at the supply: 1023 of 10 bits, 5.0 of volts
+  hexadecimal  true: the numbers of a text are"""
 
 _LARGEST = 1 << 26  # bytes of a file
 _KINDS = {
@@ -53,6 +54,7 @@ _KINDS = {
     "adc_table": str,
     "r_ref": float,
     "full_scale": float,
+    "hexadecimal": bool,
 }
 
 

@@ -46,7 +46,7 @@ def conclude(
 
     Args:
         given: answers that are known: port, readout, driven, pull_up, diode, adc_table, r_ref,
-            r_par, r_drive, full_scale.
+            r_par, r_drive, full_scale, hexadecimal.
         shape: (rows, cols), if it is known.
 
     Raises:
@@ -59,6 +59,13 @@ def conclude(
         say(f"not recognised: {about}.\ndocs/detect.md says how to describe it.")
         return ""
     say(_recognised(found))
+    hexadecimal = given.get("hexadecimal")
+    if seen.digits and hexadecimal is None:
+        about = f"numbers of {seen.digits} digits: decimal or hexadecimal [decimal]: "
+        hexadecimal = ask(about, _base)
+    if seen.text and hexadecimal is not None:
+        found.read_as(hexadecimal)
+        seen = found.seen
     board = identity(given.get("port", ""))[1:]  # on USB
     if board:
         say(f"USB board {board[-1]} at {given['port']}")
@@ -72,6 +79,12 @@ def conclude(
     circuit = _circuit(seen, answers)
     say(f"{rows} x {cols} cells at {circuit['adc_bits']} bits, {answers['readout']}")
     return _text(found, answers, circuit, board)
+
+
+def _base(typed: str) -> bool | None:
+    if not typed or typed[:3] in ("dec", "hex"):
+        return typed[:3] == "hex" if typed else None
+    raise ValueError(f"{typed!r}: must be decimal or hexadecimal")
 
 
 def _recognised(found: Heard) -> str:

@@ -11,7 +11,7 @@ from ..board.formats import make_format, make_parser
 from ..board.frame import Counters, Frame
 from ..board.liveness import JITTER
 from ..board.recognise import explain
-from ..board.serial_port import SerialReader, check_port
+from ..board.serial_port import LONGEST_BOOT, SerialReader, check_port
 from ..errors import concerning
 from ..middleware.bus import Time
 from ..middleware.config import adc_of, circuit_of, declared, part_of
@@ -33,6 +33,8 @@ class SerialDriver:
     diagnostics once a second. Frames that no living board sends (liveness.py) are not published,
     and are an ERROR, which stops the robot; so is a link that damages or loses half of the frames.
     """
+
+    longest_start = LONGEST_BOOT  # s until the first frame of a board that its opening resets
 
     def __init__(self, node):
         self.node = node

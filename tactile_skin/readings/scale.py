@@ -15,6 +15,10 @@ import numpy as np
 from .processed import sample_of
 
 VOLTS = 5.5  # V, the most that a board of 5 V prints
+# Numbers, and share of the full scale, that a signed ADC reads below 0 at 0 V: offsets of such ADCs
+# are up to 3 steps (data sheet of the ADS1115), and noise adds to them.
+_BELOW_ZERO = 4.0
+_BELOW_ZERO_SHARE = 0.001
 _SAMPLE = 200_000  # numbers that are looked at
 _DECIMALS = 1e-6  # share of a unit of the last decimal by which a printed number may miss it
 _PRINTED = 1000.0  # numbers with three decimals or fewer were printed, and rounded
@@ -66,6 +70,20 @@ class Scale(NamedTuple):
                 "full_scale:=5.0 of volts, full_scale:=1.0 of ratios"
             )
         return ""
+
+
+def other_scale(top: float) -> float:
+    """Return up to where numbers with decimals may be no means of steps of an ADC that ends at top.
+
+    They may be shares or volts, or resistances in kohm. So little, 10 of 12 bits, reads no board
+    that prints means.
+    """
+    return max(VOLTS, top / 400)
+
+
+def below_zero(full_scale: float) -> float:
+    """Return how far below 0 numbers are an ADC's own error; what is lower was subtracted."""
+    return max(_BELOW_ZERO, _BELOW_ZERO_SHARE * full_scale)
 
 
 def scale_of(values: np.ndarray, top: float = 0.0) -> Scale:

@@ -81,26 +81,31 @@ class Live:
 
     def __init__(self, source: Path | str | None, overrides: dict):
         self._executor, self._context = MultiThreadedExecutor(), Context()
-        parameters = ParameterFile(source).overrides("/serial_driver") if source else []
+        # a board that the opening resets is reset once, and has its time
+        parameters = [Parameter("watchdog", SerialDriver.longest_start)]
+        parameters += ParameterFile(source).overrides("/serial_driver") if source else []
         parameters += [Parameter(name, value) for name, value in overrides.items()]
         node = Node("serial_driver", context=self._context, parameter_overrides=parameters)
         self.driver = SerialDriver(node)
         listener = Node("calibrate", context=self._context, parameter_overrides=parameters)
         self._adc = adc_of(declared(listener, Shared).circuit)
         self._frames: list[np.ndarray] = []
+        self._heard = False
         listener.create_subscription(Image, "skin/adc", self._on_adc, READING)
         self._executor.add_node(node, listener)
 
     def _on_adc(self, msg: Image) -> None:
+        self._heard = True
         self._frames.append(self._adc.ratio_of(image_array(msg)))
 
     def __call__(self, seconds: float) -> np.ndarray:
-        """ValueError after 10 s without a frame."""
+        """ValueError after 10 s without a frame, or 40 s without a first one."""
         self._frames.clear()
-        until, patience = time.monotonic() + seconds, time.monotonic() + seconds + _PATIENCE
+        patience = _PATIENCE + (0.0 if self._heard else SerialDriver.longest_start)
+        until = time.monotonic() + seconds
         while time.monotonic() < until or not self._frames:
-            if time.monotonic() > patience:
-                raise ValueError(f"no frame for {_PATIENCE:g} s: {self.driver.trouble}")
+            if time.monotonic() > until + patience:
+                raise ValueError(f"no frame for {patience:g} s: {self.driver.trouble}")
             time.sleep(0.02)
         return np.array(self._frames)
 

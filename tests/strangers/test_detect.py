@@ -12,6 +12,7 @@ from support.strangers.pty_board import PtyBoard
 
 from tactile_skin import Circuit
 from tactile_skin.board.formats import make_format, make_parser
+from tactile_skin.board.recognise import explain
 from tactile_skin.cli import main
 from tactile_skin.launch import launch
 from tactile_skin.msg import Image, image_array
@@ -236,3 +237,20 @@ def test_bytes_of_which_nothing_is_known_get_a_reason(tmp_path, capsys):
     out = f"out:={tmp_path / 'mine.yaml'}"
     assert main(["detect", str(tmp_path / "words.bin"), out, "rows:=8", "cols:=8"]) == 1
     assert "not recognised: neither text, nor packets that begin alike." in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("largest", "kind"), [(9.5, "resistances"), (4.7, "volts")])
+def test_small_numbers_with_decimals_are_no_means_of_adc_steps(largest, kind):
+    """They were taken as steps of an ADC of 12 bits, and no touch was felt."""
+    ohm = np.random.default_rng(4).uniform(0.9 * largest, largest, (60, 64))
+    parser = make_parser("text", 8, 8, 12)
+    lines = "".join(",".join(f"{r:.2f}" for r in each) + "\n" for each in ohm)
+    assert not parser.feed(lines.encode())
+    said = explain(parser)
+    assert f"these look like {kind}: set" in said and "Resistances cannot be read" in said
+
+
+def test_means_that_an_adc_reads_are_no_resistances():
+    means = np.random.default_rng(4).uniform(20.0, 40.0, (60, 64))
+    lines = "".join(",".join(f"{r:.2f}" for r in each) + "\n" for each in means)
+    assert len(make_parser("text", 8, 8, 12).feed(lines.encode())) == 59

@@ -97,7 +97,6 @@ NO_NUMBERS = {
     "decimal commas, blanks": lambda v: " ".join(f"{x / 100:.2f}".replace(".", ",") for x in v),
     "decimal commas, commas": lambda v: ", ".join(f"{x / 100:.2f}".replace(".", ",") for x in v),
     "bars": lambda v: "|".join(map(str, v)),
-    "hexadecimal": lambda v: " ".join(f"0x{x:X}" for x in v),
 }
 
 

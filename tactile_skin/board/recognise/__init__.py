@@ -7,10 +7,11 @@ Imports the parsers of board: what is recognised is what a parser then reads.
 from __future__ import annotations
 
 import json
+import math
 
-from ...readings.scale import VOLTS
+from ...readings.scale import VOLTS, other_scale
 from ..frame import Parser
-from ..packets import PacketParser
+from ..packets import PacketFormat, PacketParser
 from ..protocol import BinaryParser
 from ..text import TextParser
 from .lines import of_boards, recognise_lines
@@ -24,8 +25,15 @@ _SAMPLE = 16_384  # bytes that a live message looks at
 BAUD = "is serial_driver.baud that of the board's sketch?"
 
 
-def recognise(data: bytes, shape: tuple[int, int] | None = None) -> Seen:
-    """Return what a sample of bytes is; `shape` is the (rows, cols) that are expected, if any."""
+def recognise(
+    data: bytes, shape: tuple[int, int] | None = None, hexadecimal: bool | None = None
+) -> Seen:
+    """Return what a sample of bytes is.
+
+    Args:
+        shape: the (rows, cols) that are expected, if any.
+        hexadecimal: whether numbers in a text are; None: nobody knows.
+    """
     own = BinaryParser()
     frames = own.feed(data)
     if frames and own.layout:
@@ -46,9 +54,19 @@ def recognise(data: bytes, shape: tuple[int, int] | None = None) -> Seen:
         )
     if len(data) < _MANY:
         return Seen("", "too few bytes to tell", data, text=not data.translate(None, _PRINTABLE))
-    if len(data.translate(None, _PRINTABLE)) <= _STRANGE * len(data):
-        return recognise_lines(data, shape)
-    return recognise_packets(data, shape)
+    strange = data.translate(None, _PRINTABLE)
+    packets = recognise_packets(data, shape) if strange else None
+    if packets and len(strange) > _STRANGE * len(data):
+        return packets
+    # what a check proves is no text, whatever its bytes look like; nor is what has a head of bytes
+    # that no text has, unless lines of numbers are sure
+    if packets and isinstance(packets.format, PacketFormat):
+        if packets.format.check:
+            return packets
+        lines = recognise_lines(data, shape, hexadecimal)
+        head = bytes.fromhex(packets.format.head.replace("?", ""))
+        return lines if lines.sure or head.isascii() else packets
+    return recognise_lines(data, shape, hexadecimal)
 
 
 def explain(parser: Parser) -> str:
@@ -108,7 +126,9 @@ def _of_text(parser: TextParser, seen: Seen) -> str:
         )
     given, found = parser.format, seen.format
     wrong = [
-        name for name in ("line", "end", "first") if getattr(given, name) != getattr(found, name)
+        name
+        for name in ("line", "end", "first", "hexadecimal")
+        if getattr(given, name) != getattr(found, name)
     ]
     if wrong:
         settings = [
@@ -123,12 +143,14 @@ def _of_text(parser: TextParser, seen: Seen) -> str:
             f"numbers up to {counters.largest:g}, but circuit.adc_bits = {parser.adc_bits} ends at "
             f"{top}: {_beyond(seen, counters.largest)}"
         )
-    if not full and seen.decimals and seen.largest <= VOLTS:
+    if not full and seen.decimals and seen.largest <= other_scale(top):
+        kinds = ("shares of the supply or volts", 1.0), ("volts", VOLTS), ("resistances", math.inf)
+        kind = next(name for name, most in kinds if seen.largest <= most)
+        ohms = "" if seen.largest <= 1.0 else " Resistances cannot be read: print the ADC's steps"
         return (
-            f"numbers up to {seen.largest:g}: these look like "
-            f"{'shares of the supply or volts' if seen.largest <= 1.0 else 'volts'}: set "
+            f"numbers up to {seen.largest:g}: these look like {kind}: set "
             f"serial_driver.format.full_scale to what is printed at the supply, {top} if they are "
-            "ADC steps"
+            f"ADC steps.{ohms}"
         )
     return f"{seen.about}, but not one arrives whole"
 
@@ -136,7 +158,7 @@ def _of_text(parser: TextParser, seen: Seen) -> str:
 def _typed(value: str | int) -> str:
     """Return a value as it is typed into a YAML file."""
     if isinstance(value, int):
-        return str(value)
+        return str(value).lower()
     return "'" + value.replace("'", "''") + "'" if value.isprintable() else json.dumps(value)
 
 

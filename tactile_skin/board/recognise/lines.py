@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...readings.scale import below_zero
 from ..protocol import MAX_LINES
 from ..text import (
     BEGINS,
@@ -23,7 +24,7 @@ from ..text import (
     MATS,
     TextFormat,
     TextParser,
-    below_zero,
+    in_decimals,
     unescaped,
 )
 from .columns import (
@@ -38,6 +39,7 @@ from .columns import (
     more_in_front,
     roles,
 )
+from .hexadecimal import may_be_hexadecimal, with_letters
 from .seen import Seen
 
 _KINDS_SOUND = 0.9  # share of the blocks of lines that have the same size
@@ -104,7 +106,7 @@ def _number(word: bytes) -> float:
     return np.nan if word.strip(b"-").lower() in (b"", b"nan") else float(word)
 
 
-def _take_apart(line: bytes) -> _Line | None:
+def _take_apart(line: bytes, hexadecimal: bool = False) -> _Line | None:
     """None where a line holds no number, or more that is none."""
     opens, closes = bool(BEGINS.match(line)), bool(ENDS.search(line))
     line = unescaped(line)
@@ -137,6 +139,7 @@ def _take_apart(line: bytes) -> _Line | None:
     text = _INTEGER.sub(_NUMBER, _NO_TEXT.sub("{skip}", text))
     if _COMMAS.search(body):
         return None
+    body = in_decimals(body) if hexadecimal else body
     body = body.translate(BLANKED).strip()
     counts = {s: body.count(s) for s in (b",", b";", b"\t")}
     separator = max(counts, key=lambda mark: counts[mark]) if any(counts.values()) else b" "
@@ -211,8 +214,13 @@ def _repeats_after(values: np.ndarray) -> int:
     return best if best > 1 and apart[best - 1] < _LIKE_BEFORE_UNMARKED * apart[0] else 0
 
 
-def recognise_lines(data: bytes, shape: tuple[int, int] | None = None) -> Seen:
-    """Return what text is; `shape` is the (rows, cols) that are expected, if any."""
+def recognise_lines(
+    data: bytes, shape: tuple[int, int] | None = None, hexadecimal: bool | None = None
+) -> Seen:
+    """Return what text is; `shape` is the (rows, cols) that are expected, if any.
+
+    Numbers are hexadecimal if that is said, or where letters stand among them.
+    """
     often = [end for end in _LINE_ENDS if data.count(end) > FEW]
     end = next(iter(often or [end for end in _LINE_ENDS if data.count(end) > 1]), None)
     if end is None:
@@ -220,7 +228,8 @@ def recognise_lines(data: bytes, shape: tuple[int, int] | None = None) -> Seen:
         words = "numbers arrive, but no line ever ends: end each frame by Serial.println()"
         return Seen("", words if digits > len(data) / 4 else _NO_NUMBERS, data, text=True)
     raw = data.split(end)[1:-1]
-    lines = [_take_apart(line) for line in raw]
+    letters = with_letters(raw) if hexadecimal is None else hexadecimal
+    lines = [_take_apart(line, letters) for line in raw]
     kinds = Counter(line.kind for line in lines if line)
     if not kinds:
         return Seen("", _NO_NUMBERS, next(filter(bytes.strip, raw), data), text=True)
@@ -231,7 +240,19 @@ def recognise_lines(data: bytes, shape: tuple[int, int] | None = None) -> Seen:
         b"." in line for line, parts in zip(raw, lines, strict=True) if parts and parts.kind == kind
     )
     found = replace(_structure(lines, kind, end, shape), decimals=decimals)
-    return _proved(replace(found, sample=sample, text=True), data, shape)
+    if isinstance(found.format, TextFormat):
+        found = replace(found, format=replace(found.format, hexadecimal=letters))
+    found = _proved(replace(found, sample=sample, text=True), data, shape)
+    numbers = [
+        word
+        for line, parts in zip(raw, lines, strict=True)
+        if parts and parts.kind == kind
+        for word in re.findall(rb"[\d.]+", line)[-kind[2] :]
+    ]
+    if hexadecimal is not None or letters or not (digits := may_be_hexadecimal(numbers)):
+        return found
+    about = f"{found.about}; numbers of {digits} digits may be hexadecimal"
+    return replace(found, about=about, sure=False, digits=digits * found.sure)
 
 
 def _without_names(lines, kinds: Counter, kind: tuple, shape) -> tuple[list, tuple]:

@@ -26,6 +26,7 @@ class Seen:
     largest: float = 0.0
     step: float = 1.0
     at_largest: int = 0  # readings that are this number
+    digits: int = 0  # of each number, where only whether it is hexadecimal is not sure
     decimals: bool = False  # whether a decimal point is printed
     adc_bits: int = 0  # width of the ADC, where the bytes say it
     text: bool = False  # whether the bytes are text
