@@ -104,13 +104,17 @@ def creep_of_presses(
     shares = []
     for first, end in zip(edges[::2], edges[1::2], strict=True):
         t = times[first:end] - times[first]
-        kept = (t > _SETTLES) & (t < t[-1] - _SETTLES)
         if t[-1] < _PRESS:
             continue
+        half = int(np.argmax(rise[first:end] > 0.5 * np.median(rise[first:end])))
+        t, kept = t - t[half], (t > t[half]) & (t < t[-1] - _SETTLES)
         means, at = _means(frames[first:end][kept], t[kept])
         total = _conductance(means, circuit, rest, curve or PressureCurve()).sum(1)
-        decades = np.stack([np.ones(at.size), np.log10(1.0 + at / _USUAL_TIME)], 1)
-        (level, slope), *_ = np.linalg.lstsq(decades, total, rcond=None)
+        # what gains more than any fabric does is still being laid on
+        comes = np.diff(total) > MAX_SHARE * np.diff(np.log10(at)) * total[1:]
+        laid = int(np.max(np.flatnonzero(comes & (at[1:] < 0.5 * at[-1])), initial=-2)) + 2
+        decades = np.stack([np.ones(at.size), np.log10(1.0 + at / _USUAL_TIME)], 1)[laid:]
+        (level, slope), *_ = np.linalg.lstsq(decades, total[laid:], rcond=None)
         shares.append(slope / level)
     if len(shares) < _PRESSES:
         raise ValueError(
