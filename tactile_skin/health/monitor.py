@@ -10,8 +10,9 @@ import numpy as np
 from ..calibration.touched import TOUCHED
 from ..findings.finding import Finding, Kind, Severity
 from ..physics.adc import Adc
+from ..physics.readouts import apparent
 from ..solvers import Estimate
-from ..solvers.suspect import LIGHTER
+from ..solvers.suspect import BEYOND, LIGHTER
 from .bits import Bits
 from .ceiling import Ceiling
 from .check import Check, Seen, Windows
@@ -37,11 +38,14 @@ CHECKS: list[type[Check]] = [
 ]
 
 
-# A cover that shakes leaves a reading below that at rest for half of the time, what is lost for good
-# for all of it: the time constant of such a share [s], for 3 Hz and more, and the limit between.
+# A cover that shakes leaves a reading below that at rest for half of the time, what is lost for
+# good for all of it: time constant of such a share [s], for 3 Hz and more, and the limit between.
 _SWING = 0.35
 _RETURNS = 0.9
 _LOUD = 2.0  # times the noise, by which a reading is off
+# Share of a reading at rest by which one that was raised undershoots, and s in which that fades:
+# Velostat under a robot rests 25 to 40 % lower after a release, and is back in 5 s.
+_UNDERSHOOT = 0.45, 2.5
 
 
 class Monitor:
@@ -55,6 +59,7 @@ class Monitor:
         self._last: np.ndarray | None = None  # the frame before, as ADC ratio
         self._below = np.zeros(adc.circuit.shape)  # share of time for which each is below the rest
         self._above = np.zeros(adc.circuit.shape)  # and for which it is clearly above
+        self._raised = np.full(adc.circuit.shape, -np.inf)  # s, when each was clearly above last
         self._t = np.inf  # s, of the frame before
         self.begin_anew()
         self.forget_doubts()
@@ -83,6 +88,7 @@ class Monitor:
         """Take a frame; `judged`: its status says something of the circuit."""
         estimate = seen.estimate
         touched = bool(estimate.force.max() >= TOUCHED)
+        seen = seen._replace(recovers=self._recovers(seen))
         suspect = estimate.status == "suspect" and not self._swings(seen, touched)
         if suspect or judged:
             large = suspect and self._misses(seen.adc, estimate)
@@ -94,12 +100,15 @@ class Monitor:
             check.frame(seen)
 
     def _swings(self, seen: Seen, touched: bool) -> bool:
-        """Whether what a frame misses is a hum at rest, or a cover that shakes."""
+        """Whether what a frame misses is a hum at rest, a cover that shakes, or an undershoot."""
         elapsed, self._t = max(seen.t - self._t, 0.0), seen.t
         if seen.rest is None:
             return self._hums and not touched
         off = np.nan_to_num(seen.adc - seen.rest)
-        lost, least = np.fmin(off, 0.0) ** 2, _LOUD * seen.estimate.noise / self._adc.circuit.full_scale
+        lost, least = (
+            np.fmin(off, 0.0) ** 2,
+            _LOUD * seen.estimate.noise / self._adc.circuit.full_scale,
+        )
         share = 1.0 - np.exp(-elapsed / _SWING)
         before = self._below, self._above
         self._below = self._below + share * ((off < 0.0) - self._below)
@@ -107,8 +116,22 @@ class Monitor:
         finding = seen.estimate.finding
         if not (isinstance(finding, Finding) and LIGHTER in finding.numbers and lost.any()):
             return self._hums and not touched
+        if seen.recovers:
+            return True
         below, above = (np.average(mean, weights=lost) for mean in before)
         return bool(below < _RETURNS and (not touched or above > 1.0 - _RETURNS))
+
+    def _recovers(self, seen: Seen) -> bool:
+        """Whether what lies below the rest is what a touch leaves for some seconds."""
+        if seen.rest is None:
+            return False
+        circuit, adc = self._adc.circuit, np.where(np.isnan(seen.adc), seen.rest, seen.adc)
+        rest = seen.rest * (apparent(circuit, adc)[0] / apparent(circuit, seen.rest)[0])
+        off = adc - rest
+        self._raised[off > _LOUD * seen.noise] = seen.t
+        most, fades = _UNDERSHOOT
+        allowed = most * np.exp((self._raised - seen.t) / fades) * rest
+        return bool((off >= -allowed - BEYOND * seen.noise).all())
 
     def _misses(self, adc, estimate: Estimate) -> bool:
         """Whether a frame misses by more than `LARGE`, and by more than it has changed."""
