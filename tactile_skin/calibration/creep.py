@@ -280,6 +280,7 @@ class Standing:
 
     def __init__(self, creep: Creep, curve: PressureCurve):
         self._curve, self._creep = curve, creep
+        self._ends = _END * curve.points[-1][0] * (1.0 if curve.gain is None else curve.gain)
         self._gained: Gained | None = None
         self._loaded = np.zeros(0)  # (cells,) [s] when each was loaded last
         self._at = -np.inf  # s, of the last frame
@@ -310,7 +311,7 @@ class Standing:
         self.late.flat[cells] = self._gained.late
         at_rest = 1.0 / self._curve.points[0][1]
         least = np.minimum(self._curve.force_at(np.log(left + at_rest)), force)
-        return np.where(force < _END * self._curve.force(np.zeros_like(force)), least, force)
+        return np.where(force < self._ends, least, force)
 
 
 def most(force: np.ndarray, felt: np.ndarray, late: np.ndarray, curve: PressureCurve) -> np.ndarray:

@@ -129,8 +129,7 @@ class Monitor:
         rest = seen.rest * (apparent(circuit, adc)[0] / apparent(circuit, seen.rest)[0])
         off = adc - rest
         self._raised[off > _LOUD * seen.noise] = seen.t
-        most, fades = _UNDERSHOOT
-        allowed = most * np.exp((self._raised - seen.t) / fades) * rest
+        allowed = _UNDERSHOOT[0] * np.exp((self._raised - seen.t) / _UNDERSHOOT[1]) * rest
         return bool((off >= -allowed - BEYOND * seen.noise).all())
 
     def _misses(self, adc, estimate: Estimate) -> bool:
