@@ -217,6 +217,8 @@ def chain(mat: Mat, path: Path, scene: Scene):
     board = mat.board
     board._knots = board._scans = board._frames = 0  # it is switched on
     board._last_ratio = board._filtered = None
+    mat.read(np.zeros((1, *mat.shape)), np.array([PAUSED]))  # what lay there is taken off
+    mat.t += 2.0 * PAUSED
     arriving = board.advance(scene.force)
     running = Chain(read_skin(path).circuit, board.protocol, given)
     try:
