@@ -17,6 +17,7 @@ import datetime
 import itertools
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -55,6 +56,7 @@ ONE = 2000.0 * GRAM  # N of the weight of `--gain`
 PRESSES = 11.0, 1.0, 5.0  # s between the minute's presses, of coming, of standing
 TOUCH = 10.0, 60.0  # N of a person who presses here and there
 PUSHES = 16  # on a board
+PARTS = "guided", "hold", "days", "gain"
 EVERY = 4  # knots at which it is looked how a fabric has changed
 HELD, HOLD = 20.0, 60.0  # N, s
 RATIO = 0.67, 1.5  # found over stated
@@ -71,14 +73,8 @@ class Mat:
         self.rng, self.board = self.case.rng, self.case.board
         self.shape, self.fabric = self.case.entered.shape, self.board.matrix.fabric
         rng = self.rng
-        self.habits = Habits(
-            creep=float(np.exp(rng.uniform(*np.log(CREEP)))),
-            late=0.12 / 0.28,
-            scatter=0.2,
-            undershoot=rng.uniform(0.25, 0.4),
-            hysteresis=rng.uniform(0.0, 0.13),
-            place=1.5,
-        )
+        creep = float(np.exp(rng.uniform(*np.log(CREEP))))
+        self.habits = replace(Habits.real(rng), creep=creep, drift=0.0)
         self.living, self.t = Living(self.habits, self.shape, rng), 0.0
         self.board.rate, self.board.ratio = min(self.board.rate, 25.0), self.ratio
 
@@ -95,10 +91,9 @@ class Mat:
         for k, picture in enumerate(force):
             self.t += 1.0 / KNOTS
             if k % EVERY == 0 or touched != picture.any():
-                factors.append(self.living.factor(self.t, picture, self.fabric))
-                touched = picture.any()
-            else:
-                factors.append(factors[-1])
+                now = self.living.factor(self.t, picture, self.fabric)
+            factors.append(now)
+            touched = picture.any()
         return self.board.matrix.ratio(force, np.array(factors))
 
     def read(self, force: np.ndarray, times: np.ndarray) -> np.ndarray:
@@ -166,14 +161,9 @@ def guided(mat: Mat, path: Path) -> Guide:
     words = {n: v for n, v in circuit.describe().items() if n != "mask"}
     path.write_text(yaml.safe_dump({"/**": {"ros__parameters": {"circuit": words}}}))
     person, skin = Person(mat, objects(OBJECTS, shape, mat.rng)[0]), read_skin(path)
-    guide = Guide(
-        skin.circuit,
-        person.frames,
-        person.ask,
-        person.say,
-        today=lambda: datetime.date.today() - datetime.timedelta(days=DAYS),
-        **known_of(skin),
-    )
+    day, given = datetime.date.today() - datetime.timedelta(days=DAYS), known_of(skin)
+    by = person.frames, person.ask, person.say
+    guide = Guide(skin.circuit, *by, today=lambda: day, **given)
     guide.run()
     write(path, path, guide, skin)
     return guide
@@ -182,11 +172,7 @@ def guided(mat: Mat, path: Path) -> Guide:
 def by_one_weight(mat: Mat, path: Path) -> None:
     """Lay one weight on the skin of a file, and write its factor."""
     skin = read_skin(path)
-    middle = mat.rng.uniform(0.3, 0.7, 2) * np.subtract(mat.shape, 1)
-    row, col = np.indices(mat.shape)
-    off = np.square(row - middle[0]) + np.square(col - middle[1])
-    thing = np.exp(-0.5 * off / mat.rng.uniform(0.9, 1.5) ** 2)
-    person = Person(mat, (ONE * thing / thing.sum())[None])
+    person = Person(mat, ONE * pressed("finger", mat.shape, mat.rng)[None])
     guide = Guide(skin.circuit, person.frames, person.ask, person.say, **known_of(skin))
     write_gain(path, path, guide, measure_gain(guide, ONE, skin), skin)
 
@@ -328,18 +314,18 @@ def cost() -> dict[str, float]:
     standing, resting = (Standing(Creep(0.2, 0.03), PressureCurve()) for _ in range(2))
     rng = np.random.default_rng(1)
     dense = rng.standard_normal((257, 257)) + 257.0 * np.eye(257)
-    loads, nothing, took = rng.uniform(0.1, 1.0, (16, 16)), np.zeros((16, 16)), {}
+    loads, nothing = rng.uniform(0.1, 1.0, (16, 16)), np.zeros((16, 16))
     works = {
         "y": lambda t: np.linalg.solve(dense, dense[0]),
         "stands": lambda t: standing.update(t, loads),
         "rests": lambda t: resting.update(t, nothing),
     }
+    least = dict.fromkeys(works, np.inf)
     for k in range(COSTS):
         for name, work in works.items():
             begun = time.perf_counter()
             work(k / 100.0)
-            took.setdefault(name, []).append(time.perf_counter() - begun)
-    least = {name: min(each) for name, each in took.items()}
+            least[name] = min(least[name], time.perf_counter() - begun)
     return {name: least[name] / least["y"] for name in ("stands", "rests")}
 
 
@@ -376,9 +362,6 @@ def table(boards: list[dict], costs: dict[str, float]) -> None:
         say("after 0.3 s, over 1 s", f"{low:.2f}", low >= 1.0 - NEAR)
     for name, most in (("stands", STANDS), ("rests", STANDS / 3.0)):
         say(f"a frame of creep, {name}", f"{costs[name]:.3f} y", costs[name] <= most)
-
-
-PARTS = "guided", "hold", "days", "gain"
 
 
 def main(arguments=None) -> dict:
