@@ -104,13 +104,17 @@ def creep_of_presses(
     shares = []
     for first, end in zip(edges[::2], edges[1::2], strict=True):
         t = times[first:end] - times[first]
-        kept = (t > _SETTLES) & (t < t[-1] - _SETTLES)
         if t[-1] < _PRESS:
             continue
+        half = int(np.argmax(rise[first:end] > 0.5 * np.median(rise[first:end])))
+        t, kept = t - t[half], (t > t[half]) & (t < t[-1] - _SETTLES)
         means, at = _means(frames[first:end][kept], t[kept])
         total = _conductance(means, circuit, rest, curve or PressureCurve()).sum(1)
-        decades = np.stack([np.ones(at.size), np.log10(1.0 + at / _USUAL_TIME)], 1)
-        (level, slope), *_ = np.linalg.lstsq(decades, total, rcond=None)
+        # what gains more than any fabric does is still being laid on
+        comes = np.diff(total) > MAX_SHARE * np.diff(np.log10(at)) * total[1:]
+        laid = int(np.max(np.flatnonzero(comes & (at[1:] < 0.5 * at[-1])), initial=-2)) + 2
+        decades = np.stack([np.ones(at.size), np.log10(1.0 + at / _USUAL_TIME)], 1)[laid:]
+        (level, slope), *_ = np.linalg.lstsq(decades, total[laid:], rcond=None)
         shares.append(slope / level)
     if len(shares) < _PRESSES:
         raise ValueError(
@@ -276,6 +280,7 @@ class Standing:
 
     def __init__(self, creep: Creep, curve: PressureCurve):
         self._curve, self._creep = curve, creep
+        self._ends = _END * curve.points[-1][0] * (1.0 if curve.gain is None else curve.gain)
         self._gained: Gained | None = None
         self._loaded = np.zeros(0)  # (cells,) [s] when each was loaded last
         self._at = -np.inf  # s, of the last frame
@@ -306,7 +311,7 @@ class Standing:
         self.late.flat[cells] = self._gained.late
         at_rest = 1.0 / self._curve.points[0][1]
         least = np.minimum(self._curve.force_at(np.log(left + at_rest)), force)
-        return np.where(force < _END * self._curve.force(np.zeros_like(force)), least, force)
+        return np.where(force < self._ends, least, force)
 
 
 def most(force: np.ndarray, felt: np.ndarray, late: np.ndarray, curve: PressureCurve) -> np.ndarray:

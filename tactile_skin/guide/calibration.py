@@ -227,9 +227,10 @@ class Guide:
             return None, ""
         if steps <= least:
             return None, f"too light, {steps:.1f} of {least:.1f} ADC steps: press harder"
-        if not stands_anew(frames[-1], frames[0], None, self._noise):
+        stands = stands_anew(frames[-1], frames[0], None, self._noise)
+        if not stands and self.moved(frames) > MOST_MOVED:  # what creeps stands
             return None, "it moves: hold it still"
-        if not stands_anew(frames[-1], frames[0], last, self._noise):
+        if not stands_anew(frame, frame, last, self._noise):
             return None, "it is counted already: press somewhere else"
         return frame, ""
 

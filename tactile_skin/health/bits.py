@@ -74,14 +74,14 @@ class Bits(Check):
         if seen.window is None:
             return
         if self._before is not None:
-            self._look(seen.window, self._before)
+            self._look(seen.window, self._before, seen.recovers)
         elif seen.rest is not None and self.found is None:
-            self._look(seen.window, self._adc.rising_count(seen.rest))
+            self._look(seen.window, self._adc.rising_count(seen.rest), seen.recovers)
         if self.found is None:
             self._count(seen.window)
 
-    def _look(self, window: Window, rest: np.ndarray) -> None:
-        """Compare what is read with the rest, and with what each stuck bit makes of it."""
+    def _look(self, window: Window, rest: np.ndarray, recovers: bool) -> None:
+        """Compare readings with the rest, and what bits make of it; what recovers fell by none."""
         read = (window.mean > 0.0) & (rest > 0.0)
         if np.count_nonzero(read) < FEW:
             return
@@ -94,7 +94,7 @@ class Bits(Check):
             return
         codes = np.rint(at).astype(int)
         for bit in range(self._bits):
-            for kept in (0, 1):
+            for kept in range(int(recovers), 2):
                 moved = (codes >> bit & 1) != kept
                 if 1 << bit < ABOVE or np.count_nonzero(moved) < max(_CELLS, 0.1 * moved.size):
                     continue

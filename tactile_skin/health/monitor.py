@@ -10,8 +10,9 @@ import numpy as np
 from ..calibration.touched import TOUCHED
 from ..findings.finding import Finding, Kind, Severity
 from ..physics.adc import Adc
+from ..physics.readouts import apparent
 from ..solvers import Estimate
-from ..solvers.suspect import LIGHTER
+from ..solvers.suspect import BEYOND, LIGHTER
 from .bits import Bits
 from .ceiling import Ceiling
 from .check import Check, Seen, Windows
@@ -42,6 +43,10 @@ CHECKS: list[type[Check]] = [
 _SWING = 0.35
 _RETURNS = 0.9
 _LOUD = 2.0  # times the noise, by which a reading is off
+# Share of a reading at rest by which one that was raised undershoots, and the time constant with
+# which that fades [s]: Velostat under a robot rests 25 to 40 % lower after a release, for 5 s.
+_UNDERSHOOT = 0.45
+_RECOVERS = 2.5
 
 
 class SkinMonitor:
@@ -55,6 +60,7 @@ class SkinMonitor:
         self._last: np.ndarray | None = None  # the frame before, as ADC ratio
         self._below = np.zeros(adc.circuit.shape)  # share of time for which each is below the rest
         self._above = np.zeros(adc.circuit.shape)  # and for which it is clearly above
+        self._raised = np.full(adc.circuit.shape, -np.inf)  # s, when each was clearly above last
         self._t = np.inf  # s, of the frame before
         self.begin_anew()
         self.forget_doubts()
@@ -83,6 +89,7 @@ class SkinMonitor:
         """Take a frame; `judged`: its status says something of the circuit."""
         estimate = seen.estimate
         touched = bool(estimate.force.max() >= TOUCHED)
+        seen = seen._replace(recovers=self._recovers(seen))
         suspect = estimate.status == "suspect" and not self._swings(seen, touched)
         if suspect or judged:
             large = suspect and self._misses(seen.adc, estimate)
@@ -94,7 +101,7 @@ class SkinMonitor:
             check.frame(seen)
 
     def _swings(self, seen: Seen, touched: bool) -> bool:
-        """Whether what a frame misses is a hum at rest, or a cover that shakes."""
+        """Whether what a frame misses is a hum at rest, a cover that shakes, or an undershoot."""
         elapsed, self._t = max(seen.t - self._t, 0.0), seen.t
         if seen.rest is None:
             return self._hums and not touched
@@ -108,8 +115,21 @@ class SkinMonitor:
         finding = seen.estimate.finding
         if not (isinstance(finding, Finding) and LIGHTER in finding.numbers and lost.any()):
             return self._hums and not touched
+        if seen.recovers:
+            return True
         below, above = (np.average(mean, weights=lost) for mean in before)
         return bool(below < _RETURNS and (not touched or above > 1.0 - _RETURNS))
+
+    def _recovers(self, seen: Seen) -> bool:
+        """Whether what lies below the rest is what a touch leaves for some seconds."""
+        if seen.rest is None:
+            return False
+        circuit, adc = self._adc.circuit, np.where(np.isnan(seen.adc), seen.rest, seen.adc)
+        rest = seen.rest * (apparent(circuit, adc)[0] / apparent(circuit, seen.rest)[0])
+        off = adc - rest
+        self._raised[off > _LOUD * seen.noise] = seen.t
+        allowed = _UNDERSHOOT * np.exp((self._raised - seen.t) / _RECOVERS) * rest
+        return bool((off >= -allowed - BEYOND * seen.noise).all())
 
     def _misses(self, adc, estimate: Estimate) -> bool:
         """Whether a frame misses by more than `LARGE`, and by more than it has changed."""

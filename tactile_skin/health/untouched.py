@@ -95,9 +95,9 @@ class Untouched(Check):
             rest = now if before is None else before
         known = self._circuit.populated & (now > 0.0) & (now < 1.0) & (rest > 0.0) & (rest < 1.0)
         if np.count_nonzero(known) >= _CELLS:
-            self._look(t, now, rest, seen.noise, known)
+            self._look(t, now, rest, seen.noise, known, seen.recovers)
 
-    def _look(self, t: float, now, rest, noise: float, known) -> None:
+    def _look(self, t: float, now, rest, noise: float, known, recovers: bool) -> None:
         least = ROUNDING_NOISE if noise * self._circuit.full_scale < _DITHER else _LEAST
         least, noise = least / self._circuit.full_scale, noise / _FRAMES**0.5
         exchanged = _another_line(now, rest, max(noise, least), known)
@@ -106,6 +106,7 @@ class Untouched(Check):
         limit += 4.0 * noise / (np.median(rest[known]) * np.count_nonzero(known) ** 0.5)
         self._looked, self._found_at = t, min(self._found_at, t)  # the clock may be set back
         change, even = self._common(now, rest, noise, known, limit)
+        change = max(change, 0.0) if recovers else change
         before, stopped = self.found, self.found is not None and self.found.stops
         was_line = before is not None and before.kind is Kind.SWAPPED
         if exchanged:

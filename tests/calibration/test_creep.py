@@ -243,6 +243,19 @@ def test_five_presses_show_the_share(record, share):
     assert creep.share == pytest.approx(share, abs=0.03)
 
 
+@pytest.mark.parametrize("comes", [0.5, 1.0])
+def test_what_is_still_being_laid_on_is_no_creep(record, comes):
+    """Down within a second, as it is asked for."""
+    _, _, circuit, rest = record
+    skin = Creeping(SHAPE, 41, share=0.2, time=0.03)
+    force = objects(1, SHAPE, np.random.default_rng(41))[0][0]
+    times = np.arange(0.0, 42.0, 0.1)
+    course = np.clip((times % 8.0 - 3.0) / comes, 0.0, 1.0)
+    frames = skin.standing(times, force, course)
+    creep = creep_of_presses(frames, times, circuit, rest, CURVE)
+    assert creep.share == pytest.approx(0.2, abs=0.1)
+
+
 def test_presses_of_a_hand_show_no_creep(record):
     _, _, circuit, rest = record
     skin = Creeping(SHAPE, 41, share=0.1, time=0.1)

@@ -3,10 +3,11 @@
 
 import numpy as np
 import pytest
-from health.seen import Samples
+from health.seen import Samples, seen
 
 from tactile_skin import Circuit
 from tactile_skin.health.bits import Bits
+from tactile_skin.health.check import Windows
 from tactile_skin.physics.adc import Adc
 
 BITS = 10
@@ -71,3 +72,15 @@ def test_a_fabric_that_warms_up_has_none(share):
 def test_where_readings_fall_the_bit_is_that_of_what_the_board_sends():
     said = played(touches(10), lambda c, k: c | (k >= 100) << 6, inverted=True)
     assert said[-1].startswith("ADC bit 6: always 0")
+
+
+@pytest.mark.parametrize("recovers", [True, False])
+def test_cells_that_rest_lower_by_a_bit_after_a_touch_are_none(recovers):
+    """By a third, as Velostat does."""
+    adc, windows, rng = Adc(Circuit(8, 8)), Windows(BITS), np.random.default_rng(4)
+    check, rest = Bits(adc), 208.0 + 0.4 * (REST - 41.0)
+    for _ in range(40):
+        counts = np.uint16(np.rint(rest - 64.0 + 0.5 * rng.standard_normal((8, 8)))) << 6
+        frame = seen(samples=counts, rest=rest / adc.full_scale, window=windows.frame(counts))
+        check.frame(frame._replace(recovers=recovers))
+    assert (check.found is None) is recovers
