@@ -14,8 +14,8 @@ DECIDED = {  # what -> size as of 28 November 2026: lines, words or constants
     "package, Python lines": 37871,
     "package, C lines": 1045,
     "package, page lines": 2441,
-    "tests, Python lines": 35196,
-    "benchmarks, Python lines": 12027,
+    "tests, Python lines": 35500,
+    "benchmarks, Python lines": 12150,
     "docs, words": 45961,
     "numeric constants of modules": 906,
 }

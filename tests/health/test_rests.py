@@ -101,7 +101,7 @@ def test_a_fabric_that_rests_lower_after_a_touch_stops_nothing(readout, fades, s
     circuit = Circuit(8, 8, readout=readout, r_ref=1780.0)
     curve = CURVE.resting_at(np.exp(0.05 * SPREAD) * CURVE.rest_resistance)
     adc, rng = Adc(circuit), np.random.default_rng(4)
-    rest, monitor, faults = forward(circuit, curve.rest_resistance), Monitor(adc, 0.0), []
+    rest, monitor, faults = forward(circuit, curve.rest_resistance), SkinMonitor(adc, 0.0), []
     for k in range(160):
         t = k / 20.0
         lower = 1.0 - 0.35 * np.exp((3.0 - t) / fades) * (t >= 3.0)
