@@ -115,7 +115,7 @@ class SkinMonitor:
         finding = seen.estimate.finding
         if not (isinstance(finding, Finding) and LIGHTER in finding.numbers and lost.any()):
             return self._hums and not touched
-        if seen.recovers:
+        if seen.recovers and not touched:
             return True
         below, above = (np.average(mean, weights=lost) for mean in before)
         return bool(below < _RETURNS and (not touched or above > 1.0 - _RETURNS))
@@ -127,9 +127,10 @@ class SkinMonitor:
         circuit, adc = self._adc.circuit, np.where(np.isnan(seen.adc), seen.rest, seen.adc)
         rest = seen.rest * (apparent(circuit, adc)[0] / apparent(circuit, seen.rest)[0])
         off = adc - rest
-        self._raised[off > _LOUD * seen.noise] = seen.t
+        self._raised[off > BEYOND * seen.noise] = seen.t  # noise alone raises none
         allowed = _UNDERSHOOT * np.exp((self._raised - seen.t) / _RECOVERS) * rest
-        return bool((off >= -allowed - BEYOND * seen.noise).all())
+        lately = (allowed > seen.noise).any()
+        return bool(lately and (off >= -allowed - BEYOND * seen.noise).all())
 
     def _misses(self, adc, estimate: Estimate) -> bool:
         """Whether a frame misses by more than `LARGE`, and by more than it has changed."""

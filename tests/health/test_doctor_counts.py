@@ -23,7 +23,7 @@ def test_the_seconds_that_are_left_are_said(monkeypatch, capsys):
             pass
 
     monkeypatch.setattr(doctor, "Live", Board)
-    frames, findings = doctor._listen({"seconds": 25.0}, {})
-    assert asked == [0.0, 10.0, 10.0, 5.0] and len(frames) == 25 and findings == []
+    frames, times, findings = doctor._listen({"seconds": 25.0}, {})
+    assert asked == [0.0, 10.0, 10.0, 5.0] and len(frames) == len(times) == 25 and findings == []
     said = capsys.readouterr().out
     assert said.index("15 s left") < said.index("5 s left", said.index("15 s left") + 5)
