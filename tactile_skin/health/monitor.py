@@ -58,10 +58,11 @@ class SkinMonitor:
         self._windows = Windows(adc.circuit.adc_bits)
         self._why = ""
         self._last: np.ndarray | None = None  # the frame before, as ADC ratio
-        self._below = np.zeros(adc.circuit.shape)  # share of time for which each is below the rest
-        self._above = np.zeros(adc.circuit.shape)  # and for which it is clearly above
+        # shares of the suspect frames in which each is below the rest, and clearly above it
+        self._below = np.zeros(adc.circuit.shape)
+        self._above = np.zeros(adc.circuit.shape)
         self._raised = np.full(adc.circuit.shape, -np.inf)  # s, when each was clearly above last
-        self._t = np.inf  # s, of the frame before
+        self._t = np.inf  # s, of the suspect frame before
         self.begin_anew()
         self.forget_doubts()
 
@@ -101,7 +102,7 @@ class SkinMonitor:
             check.frame(seen)
 
     def _swings(self, seen: Seen, touched: bool) -> bool:
-        """Whether what a frame misses is a hum at rest, a cover that shakes, or an undershoot."""
+        """Whether what a suspect frame misses is a hum, a cover that shakes, or an undershoot."""
         elapsed, self._t = max(seen.t - self._t, 0.0), seen.t
         if seen.rest is None:
             return self._hums and not touched
