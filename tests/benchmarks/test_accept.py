@@ -87,8 +87,9 @@ def test_the_lines_are_listed(capsys):
         "entries",
         *(
             pytest.param(n, marks=pytest.mark.ci)
-            for n in ("faults", "moving", "proved", "bits", "obey", "weighed")
+            for n in ("faults", "moving", "proved", "bits", "weighed")
         ),
+        pytest.param("obey", marks=pytest.mark.slow),
     ],
 )
 def test_the_smallest_version_of_a_line_runs(name, capsys, monkeypatch):
@@ -108,7 +109,7 @@ def test_the_smallest_version_of_a_line_runs(name, capsys, monkeypatch):
         ("below a step", "floating"),
         ("signed", "virtual_ground"),
         ("uneven", "floating"),
-        ("shaking cover", "loaded"),
+        pytest.param("shaking cover", "loaded", marks=pytest.mark.ci),
     ],
 )
 def test_a_sound_skin_unlike_an_even_fabric_is_free_and_feels_what_presses(kind, wired):

@@ -356,7 +356,7 @@ def test_frames_a_second_that_nothing_says_are_supposed_aloud(tmp_path, capsys):
     assert said not in capsys.readouterr().err
 
 
-@pytest.mark.ci
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "kind", ["text", "names", "marks", "u1.npy", "i2.npy", "u1 x.npy", "f8.npy", "u2.npz"]
 )

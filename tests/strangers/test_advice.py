@@ -138,7 +138,7 @@ def test_rows_and_columns_exchanged_are_named_with_what_is_driven(shape):
     assert finding.change.circuit == circuit
 
 
-@pytest.mark.ci
+@pytest.mark.slow
 @pytest.mark.parametrize(("shape", "seed"), [((12, 10), 2), ((6, 9), 5)])
 def test_torn_touches_are_no_virtual_ground(shape, seed):
     """Rows and columns are exchanged: what no network reads is not each cell alone."""
