@@ -38,8 +38,8 @@ CHECKS: list[type[Check]] = [
 ]
 
 
-# A cover that shakes leaves a reading below that at rest for half of the time, what is lost for
-# good for all of it: time constant of such a share [s], for 3 Hz and more, and the limit between.
+# In half of the frames that a shaking cover spoils a reading lies below that at rest, in all of
+# them if it is lost for good: time constant of that share [s], for 3 Hz and more, and the limit.
 _SWING = 0.35
 _RETURNS = 0.9
 _LOUD = 2.0  # times the noise, by which a reading is off

@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 
 from ..findings.finding import Finding, Kind
-from ..physics.curve import GRAM
 from ..physics.laplacian import conjugate_gradients
 from ..physics.quadratic import solve_in_box
 from ..physics.readouts import BOUND
@@ -46,7 +45,6 @@ _UNCHANGED = 2.2  # standard deviations of chi^2 up to which a frame is that of 
 _ANOTHER = 1.3  # times the force of a lighter picture from which on a heavier one is another
 _LIGHTEST = 0.5  # of its conductance at rest, that a cell keeps from which a cover lifts
 _LIGHTER_STEPS = 2
-_TOUCH = 15.0 * GRAM  # N on a cell, as calibration.touched
 _WIDEN = 1.2  # what the measured coverage requires; not of loads on all cells
 # Noise that is measured in the frame (docs/derivation.md).
 _MAX_FITS = 6  # that may be made
