@@ -95,7 +95,9 @@ class Tare:
         self._last = -np.inf  # s, when the last frame was read
         self._restless = 0  # measurements in a row whose parts differed
         self._alike = np.zeros(circuit.shape), 0  # sum and frames of seconds that read alike
-        self._lowest = np.full(circuit.shape, np.inf)  # ADC ratio, levels before any measurement
+        # (rows, cols) as `_conducts`, lowest level before any measurement: readings of a line that
+        # share their sum fall under a touch, what a crossing conducts does not
+        self._lowest = np.full(circuit.shape, np.inf)
         self._level: deque[np.ndarray] = deque(maxlen=_LEVEL_FRAMES)  # the last frames
         self._begin(-np.inf)
         self._quiet = self._followed = -np.inf  # s, when a touch was last, and a drift followed
@@ -141,7 +143,7 @@ class Tare:
             self._quiet, self._drifted = t, None
         self._last = t
         if not self.measured:
-            self._level.append(adc)
+            self._level.append(_conducts(self._circuit, adc))
             if len(self._level) == _LEVEL_FRAMES:
                 self._lowest = np.minimum(self._lowest, np.max(self._level, axis=0))
         followed = self.measured and not self.opens and self._follow(t, adc)
@@ -173,7 +175,8 @@ class Tare:
         full = self._circuit.full_scale
         if self.opens and np.median(window.mean[self._circuit.populated]) * full < LEAST_STEPS:
             self.unseen = False
-            return not self.measured and self._learn(window.mean, window.noise)
+            read = np.where(window.mean * full > LEAST_STEPS, window.mean, 0.0)
+            return not self.measured and self._learn(read, window.noise)
         self.opens = 0.0  # it conducts
         found = self._one_voltage(window)
         self.unseen = found is not None and found.stops
@@ -203,16 +206,15 @@ class Tare:
 
     def _risen(self, window: _Window) -> Finding | None:
         """Return that readings are far above a level that they had: something lies there by now."""
-        low = np.minimum(self._lowest, window.mean)
         noise = min(window.noise, MAX_NOISE)  # what rises while it is measured is none
         least = (BEYOND * noise + 1.0) / self._circuit.full_scale
-        more = _conducts(self._circuit, window.mean) > (
-            self._max_factor * _conducts(self._circuit, low)
-        )
-        risen = (window.mean - low > least) & more & self._circuit.populated
+        now = np.maximum(_conducts(self._circuit, window.mean), self._lowest)
+        more = now > self._max_factor * self._lowest
+        by = window.mean * (now - self._lowest) / np.maximum(now, np.finfo(float).tiny)
+        risen = (by > least) & more & self._circuit.populated
         if np.count_nonzero(risen) <= self._few:
             return None
-        most = largest(np.where(risen, window.mean - low, 0.0))
+        most = largest(np.where(risen, by, 0.0))
         return Finding(Kind.LOADED, "risen", **most, numbers={"count": np.count_nonzero(risen)})
 
     def _follow(self, t: float, adc: np.ndarray) -> bool:

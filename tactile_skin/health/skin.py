@@ -220,8 +220,8 @@ class Follower:
         return max(self._least, opens)
 
     def _rest(self, t: float, adc: np.ndarray, estimate: Estimate) -> None:
-        if self._floor:  # what is not told is no rest
-            adc = np.where(adc <= self._floor, 0.0, adc)
+        if self._least:  # what is not told is no rest
+            adc = np.where(adc <= self._least, 0.0, adc)
         unread = np.isnan(adc)
         if unread.any():  # what the model reads there
             model = forward(self.circuit, self._tare.curve.resistance(estimate.force))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from support.lab.board import KNOTS, FaultBoard, Sent
 
+from benchmarks import harness
 from benchmarks.accept import __main__ as accept
 from benchmarks.accept import boards, presses, rests, without
 from benchmarks.accept.lines import LINES, Asked, Figure
@@ -119,6 +120,13 @@ def test_a_sound_skin_unlike_an_even_fabric_is_free_and_feels_what_presses(kind,
     assert found["at once"] and found["fault"] <= most * found["idle"], found["said"]
     assert found["free"] == found["missed"] == 0
     assert found["ratios"] == pytest.approx([1.0, 1.0], abs=0.07)
+
+
+@pytest.mark.parametrize("k", [6, 7])  # a palm comes before it is free; it is open by its curve
+def test_an_uneven_grounded_skin_is_free_at_once(k):
+    found = rests.run("uneven", "grounded", k, harness.seed_of(9, "uneven", "grounded", k))
+    assert found["at once"] and not found["fault"], found["said"]
+    assert found["free"] == found["missed"] == 0
 
 
 def test_a_mechanism_is_left_out_by_its_name(monkeypatch, capsys):
