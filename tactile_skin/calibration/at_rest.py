@@ -226,13 +226,16 @@ def _lies(times: np.ndarray, cells: np.ndarray, curve: PressureCurve, usual: flo
         for turned, there in ((change, cells), (change.T, cells.T))
     ]
     scatter = float(np.median(np.abs(np.concatenate(bends)))) / (MAD * 6**0.5)
-    share = uniform_filter(cells.astype(float), _PATCH)
-    patch = uniform_filter(change * cells, _PATCH) / np.maximum(share, 1e-9)
+    many, total = (
+        uniform_filter(of * cells, _PATCH, mode="constant") * _PATCH**2
+        for of in (np.ones(cells.shape), change)
+    )
+    many = np.maximum(many, 1.0)
     least = float(np.quantile(change[cells], _CALMEST)) + _QUARTILE * scatter
     at_rest = float(curve.force(np.exp(-least) / usual))
     touch = np.log(curve.resistance(at_rest) / curve.resistance(at_rest + AT_REST))
-    most = max(float(touch), _DEVIATIONS * scatter / _PATCH)
-    return bool((patch * cells).max() - least > most)
+    most = np.maximum(touch, _DEVIATIONS * scatter / np.sqrt(many))
+    return bool((cells & (total / many - least > most)).any())
 
 
 def weak_line(change: np.ndarray, cells: np.ndarray, *, first: bool) -> Finding | None:

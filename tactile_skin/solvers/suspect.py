@@ -133,10 +133,11 @@ def saturation(
     top, circuit = reading.steps.max(), reading.circuit
     if reading.topped.any():  # it ends there, and what that means is known
         return None
-    thick = BEYOND * reading.noise + 1.0 if thick is None else thick
+    spreads = BEYOND * reading.noise + 1.0
+    thick = spreads if thick is None else thick
     rest = _rest_steps(circuit, reading.curve) * reading.apparent[0]
     hardest = circuit.ratio(np.max(reading.curve.least_resistance)) * circuit.full_scale
-    if abs(top - rest.max()) <= thick or top >= hardest:  # cells at either end read alike
+    if abs(top - rest.max()) <= max(thick, spreads) or top >= hardest:  # cells at either end read alike
         return None
     below = (top - reading.steps)[reading.known]
     count = np.count_nonzero(below < thick)

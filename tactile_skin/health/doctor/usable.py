@@ -9,12 +9,11 @@ from scipy.ndimage import label
 from ...calibration.rest import NOISY, resting_conductance
 from ...calibration.touched import MOVED
 from ...findings.finding import Finding, Kind, at
-from ...readings.multiplied import is_multiplied
 from ...readings.processed import AT_END, Done
 from ...readings.processed import processed as processing
 from .order import equal_lines
 from .readings import SEVERAL_CELLS
-from .recorded import FEW_TOUCHES, Recorded
+from .recorded import Recorded
 
 _MOST_NOISE = 0.01  # of full scale: what moves more is no noise
 # Share of all change that falls below the usual reading, up to which a board rests: sound floating
@@ -41,9 +40,6 @@ def processed(seen: Recorded, opens: float) -> Finding | None:
             done = processing(values, seen.circuit.adc_bits, opens=opens)
             if done and done.kind in kinds:
                 return Finding(Kind.ZEROS, detail=str(done))
-    enough = len(seen.touches) >= FEW_TOUCHES  # of few numbers chance gives some a rhythm
-    if enough and is_multiplied(cells, seen.circuit.adc_bits):
-        return Finding(Kind.ZEROS, "multiplied")
     return None
 
 
