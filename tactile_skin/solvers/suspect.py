@@ -81,7 +81,7 @@ def _least_rest(reading: Reading) -> np.ndarray:
     A cell that was not read may draw what lowers all others of its sense line, and of its driven
     line where the drivers yield. One that is lower than the others is still too low.
     """
-    circuit, rest = reading.circuit, _rest_steps(reading.circuit, reading.curve)
+    circuit, rest = reading.circuit, _least_steps(reading.circuit, reading.curve)
     unread = circuit.populated & ~reading.informative
     if not (circuit.readout_class.shares_sum and unread.any()):
         return rest * reading.apparent[0]
@@ -101,6 +101,12 @@ def _rest_steps(circuit, curve) -> np.ndarray:
     """(rows, cols) reading of an untouched skin [ADC steps] over its scale of `apparent`."""
     rest = rest_reading(circuit, curve)
     return rest * circuit.full_scale / readouts.apparent(circuit, rest)[0]
+
+
+@lru_cache(maxsize=16)
+def _least_steps(circuit, curve) -> np.ndarray:
+    """(rows, cols) the least that loads elsewhere leave of it."""
+    return circuit.readout_class.least(circuit, _rest_steps(circuit, curve))
 
 
 def _place(bad: np.ndarray, known: np.ndarray) -> tuple[Where, dict, np.ndarray]:
@@ -137,7 +143,8 @@ def saturation(
     thick = spreads if thick is None else thick
     rest = _rest_steps(circuit, reading.curve) * reading.apparent[0]
     hardest = circuit.ratio(np.max(reading.curve.least_resistance)) * circuit.full_scale
-    if abs(top - rest.max()) <= max(thick, spreads) or top >= hardest:  # cells at either end read alike
+    # cells at either end read alike
+    if abs(top - rest.max()) <= max(thick, spreads) or top >= hardest:
         return None
     below = (top - reading.steps)[reading.known]
     count = np.count_nonzero(below < thick)

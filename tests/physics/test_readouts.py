@@ -166,3 +166,30 @@ def test_drivers_share_their_row_s_voltage_by_hand():
     """1 kohm everywhere, drivers of 500 ohm: both columns are alike, as one of 500 ohm a row."""
     circuit = Circuit(2, 2, r_ref=1000.0, r_par=0.0, readout="grounded", r_drive=500.0)
     assert forward(circuit, np.full((2, 2), 1000.0)) == pytest.approx(np.full((2, 2), 0.25))
+
+
+@pytest.mark.parametrize("driven", ["rows", "columns"])
+@pytest.mark.parametrize("seed", range(4))
+def test_no_load_elsewhere_takes_more_of_a_loaded_reading(driven, seed):
+    rng = np.random.default_rng(seed)
+    circuit = Circuit(*rng.integers(6, 12, 2), r_par=25.0, readout="loaded", driven=driven)
+    cells = 5e4 * np.exp(1.2 * rng.standard_normal(circuit.shape))  # ohm
+    hands = (rng.random((50, *circuit.shape)) < 0.3) * rng.uniform(-6.0, 0.0, circuit.shape)
+    rest, *touched = (
+        (adc := forward(circuit, ohm)) / readouts.apparent(circuit, adc)[0]
+        for ohm in (cells, *(cells * np.exp(hands)))
+    )
+    least = circuit.readout_class.least(circuit, rest)
+    assert (least <= rest).all()
+    assert (np.array(touched) >= 0.9 * least).all()  # exact where r_ref conducts more than cells
+
+
+def test_a_hand_elsewhere_takes_most_of_what_the_best_cell_of_a_loaded_line_reads():
+    circuit = Circuit(6, 6, readout="loaded")
+    cells = np.full(circuit.shape, 1e5)
+    cells[0, 0] = 1e4
+    hand = cells.copy()
+    hand[1:] = 300.0
+    rest, touched = forward(circuit, cells), forward(circuit, hand)
+    least = circuit.readout_class.least(circuit, rest)
+    assert 0.9 * least[0, 0] < touched[0, 0] < 0.4 * rest[0, 0]

@@ -54,6 +54,20 @@ class Loaded(Driven):
         return np.maximum(scale, LEAST_SCALE), circuit.r_ref
 
     @classmethod
+    def least(cls, circuit: Circuit, rest: Floats) -> Floats:
+        """Return the means of each with the lowest of its driven line, so many as leave the least.
+
+        Cells in other lines join sense lines, all with r_ref: their voltages become (1 + L)^-1 of
+        those before, L a Laplacian. That is doubly stochastic, with no row's weight above its own.
+        """
+        along = 1 - circuit.sense_axis
+        line = np.sort(rest, axis=along).cumsum(along)
+        many = np.arange(2, line.shape[along] + 2)
+        line = np.moveaxis(line, along, -1)
+        means = (np.moveaxis(rest, along, -1)[..., None] + line[..., None, :]) / many
+        return np.moveaxis(np.fmin(means.min(-1), np.moveaxis(rest, along, -1)), -1, along)
+
+    @classmethod
     def through_driver(cls, circuit: Circuit, currents: Floats) -> Floats:
         """Return the sum of the currents through the reference resistors of all sense lines.
 

@@ -140,6 +140,14 @@ class Readout(ABC):
         """
 
     @classmethod
+    def least(cls, circuit: Circuit, rest: Floats) -> Floats:
+        """Return (rows, cols) the least that loads on other cells leave of readings at rest.
+
+        Both are over the scale of `apparent`, which says what they take of a line as a whole.
+        """
+        return rest
+
+    @classmethod
     def guess(cls, circuit: Circuit, adc: Floats, rho: Floats, bounds: Pair) -> Floats:
         """Return (rows, cols) cells between bounds [S] whose products with `rho` are all alike.
 
