@@ -157,7 +157,7 @@ class Opened:
                     asked = time.monotonic()
                 wanted = max(self._parser.wanted, self._port.in_waiting, 1)
                 if frames := self._parser.feed(self._port.read(wanted)):
-                    return [frame.part(*self._part) for frame in frames]
+                    return [frame.only(self._part.of) for frame in frames]
         except PORT_ERRORS as error:
             self._policy.fault(_BOARD, "is gone")
             raise ConnectionError(why_not(self._port_name, error)) from error

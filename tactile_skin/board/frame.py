@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -26,12 +27,10 @@ class Frame:
     # it read all of them
     unread: np.ndarray | None = None
 
-    def part(self, shape: tuple[int, int], rows: slice, cols: slice) -> Frame:
-        """Return these rows and columns of a frame of this shape; any other as it is."""
-        if self.samples.shape != shape:
-            return self
-        unread = None if self.unread is None else self.unread[rows, cols]
-        return replace(self, samples=self.samples[rows, cols], unread=unread)
+    def only(self, part: Callable[[np.ndarray], np.ndarray]) -> Frame:
+        """Return what `part` takes of pictures (rows, cols): `middleware.config.Part.of`."""
+        unread = None if self.unread is None else part(self.unread)
+        return replace(self, samples=part(self.samples), unread=unread)
 
 
 @dataclass

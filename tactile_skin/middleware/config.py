@@ -123,33 +123,69 @@ def circuit_of(given: shared.Circuit) -> Circuit:
             "nothing tells a broken wire from a cell that nothing touches"
         )
     named = {field.name: getattr(given, field.name) for field in fields(Circuit) if field.init}
-    part, mask = part_of(given), mask_of(given.mask)
-    if mask is not None and mask.shape == part.shape:
-        mask = mask[part.rows, part.cols]
+    mask, shape = mask_of(given.mask), (given.rows, given.cols)
+    if mask is not None and mask.shape == shape:
+        mask = mask[_edges(mask, shape, 1), _edges(mask, shape, 0)]
         named["rows"], named["cols"] = mask.shape
     return Circuit(**named | {"mask": mask})
 
 
 class Part(NamedTuple):
-    """The part of a board's frames that is the mat: a smaller mat leaves lines at the edges open.
+    """Where the skin's lines are in a board's frames.
+
+    A smaller mat leaves lines at the edges open, and stripes may be wired in any order.
 
     Attributes:
         shape: of a frame.
-        rows, cols: of it.
+        rows, cols: of it, in the order in which they lie on the skin.
     """
 
     shape: tuple[int, int]
-    rows: slice
-    cols: slice
+    rows: tuple[int, ...]
+    cols: tuple[int, ...]
+
+    def of(self, frames: np.ndarray) -> np.ndarray:
+        """Return the skin's part of frames (..., rows, cols); of another shape as they are."""
+        if frames.shape[-2:] != self.shape:
+            return frames
+        for axis, lines in ((-2, self.rows), (-1, self.cols)):
+            if lines != tuple(range(frames.shape[axis])):
+                frames = frames.take(lines, axis)
+        return frames
+
+    def within(self, other: Part) -> Part:
+        """Return the same of frames of which another part was taken; ValueError: it lacks lines."""
+        rows, cols = (
+            tuple(had.index(line) for line in wanted)
+            for wanted, had in ((self.rows, other.rows), (self.cols, other.cols))
+        )
+        return Part((len(other.rows), len(other.cols)), rows, cols)
 
 
+@concerning("circuit")
 def part_of(given: shared.Circuit) -> Part:
-    """Return where ``circuit.mask`` has cells: all of the frame, but for lines at its edges."""
-    shape, mask = (given.rows, given.cols), mask_of(given.mask)
+    """Return where the skin is in a frame: by the order of its lines, and the edges of its mask."""
+    shape = given.rows, given.cols
+    rows = _order_of(given.row_order, given.rows, "row_order")
+    cols = _order_of(given.column_order, given.cols, "column_order")
+    mask = mask_of(given.mask)
+    return Part(shape, rows[_edges(mask, shape, 1)], cols[_edges(mask, shape, 0)])
+
+
+def _order_of(text: str, count: int, name: str) -> tuple[int, ...]:
+    """Return the board's lines in the order in which they lie on the skin."""
+    order = [int(word) if word.isdecimal() else -1 for word in text.split()] or range(count)
+    if sorted(order) != list(range(count)):
+        raise ValueError(f"circuit.{name} = {text!r}: must name each of 0 to {count - 1} once")
+    return tuple(order)
+
+
+def _edges(mask: np.ndarray | None, shape: tuple[int, int], axis: int) -> slice:
+    """Return which lines are left without those at the edges in which ``mask`` has no cell."""
     if mask is None or mask.shape != shape or not mask.any():
-        return Part(shape, slice(shape[0]), slice(shape[1]))
-    ends = (np.flatnonzero(mask.any(axis))[[0, -1]].tolist() for axis in (1, 0))
-    return Part(shape, *(slice(first, last + 1) for first, last in ends))
+        return slice(None)
+    first, *_, last = np.flatnonzero(mask.any(axis)).repeat(2).tolist()
+    return slice(first, last + 1)
 
 
 @concerning("circuit")
@@ -162,9 +198,9 @@ def adc_of(given: shared.Circuit, circuit: Circuit | None = None) -> Adc:
     Raises:
         ValueError: values that do not go together.
     """
-    part, scanned = part_of(given), mask_of(given.scanned, "scanned")
-    if scanned is not None and scanned.shape == part.shape:
-        scanned = scanned[part.rows, part.cols]
+    mask, scanned = mask_of(given.mask), mask_of(given.scanned, "scanned")
+    if scanned is not None and scanned.shape == (given.rows, given.cols):
+        scanned = scanned[_edges(mask, scanned.shape, 1), _edges(mask, scanned.shape, 0)]
     return Adc(
         circuit or circuit_of(given),
         given.adc_offset,

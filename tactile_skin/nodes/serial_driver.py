@@ -66,7 +66,7 @@ class SerialDriver:
             self._on_link,
             given.watchdog,
             given.wait_for_port,
-            lambda frame: self._admission.refuse(frame.part(*self._part)),
+            lambda frame: self._admission.refuse(frame.only(self._part.of)),
             given.serial_number,
         )
         node.create_service(Trigger, "~/lend", self.on_lend)
@@ -91,7 +91,7 @@ class SerialDriver:
         if reader.reconnects != self._connection:
             self._connection = reader.reconnects
             self._admission.connect(restarts)
-        frame = frame.part(*self._part)
+        frame = frame.only(self._part.of)
         samples = self._admission.frame(self._monotonic(), frame, restarts)
         if before != self._admission.trouble:
             self._report()  # a stop need not wait for the next second

@@ -69,6 +69,13 @@ class Circuit:
     mask: str = parameter(
         "", "", "cells that exist: a word of 0 and 1 per row; edges may be empty; empty: all cells"
     )
+    row_order: str = parameter(
+        "",
+        "",
+        'the board\'s rows, in the order in which they lie on the skin: "0 2 1 3"; empty: as they '
+        "are sent. mask and scanned are of the skin",
+    )
+    column_order: str = parameter("", "", "the same of the columns")
     scanned: str = parameter("", "", "crossings that the board reads, in the same form; empty: all")
     adc_offset: float = parameter(
         0.0, "ADC steps", "what the ADC reads too low; negative: too high", -65535.0, 65535.0

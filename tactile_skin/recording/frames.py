@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 from dataclasses import dataclass
 from functools import partial
@@ -12,7 +13,7 @@ import numpy as np
 
 from ..errors import FileError
 from ..files import read_bytes, read_lines
-from ..middleware.config import Part, SkinConfig, read_skin
+from ..middleware.config import Part, SkinConfig, part_of, read_skin
 from ..physics.adc import NOT_READ, Adc
 from ..physics.circuit import Circuit
 from ..readings.processed import processed, sample_of
@@ -95,8 +96,7 @@ def read_frames(
         rate: frames a second, where the file has no times.
         full_scale: what an input at the supply reads, where numbers are not ADC steps: 5.0 of
             volts, 1.0 of ratios; None: by what the numbers show.
-        part: where the circuit's cells are in a board's frame, of a mat that leaves lines at its
-            edges empty; None: it is all of it.
+        part: where the circuit's cells are in a board's frame; None: it is all of it, in order.
 
     Raises:
         FileError: no such file, another size, no frame in it, or most would be dropped; the
@@ -119,7 +119,7 @@ def read_frames(
         if sent.shape == circuit.shape:
             raise
         found = _read(path, kind, circuit)  # as it is exported, without these lines
-    found.values = _cut(found.values, part)
+    found.values = part.of(found.values) if part else found.values
     frames = Frames(found.values, found.times, found.notes, found.lost, found.rate, str(path))
     return _timed(_scaled(frames, circuit, full_scale), rate)
 
@@ -133,13 +133,6 @@ def _read(path, kind: str, circuit: Circuit) -> Found:
         raise
     except ValueError as error:
         raise FileError(f"{path}: {error}") from error
-
-
-def _cut(values: np.ndarray, part: Part | None) -> np.ndarray:
-    """Return a part of a board's frames (n, rows, cols); others as they are."""
-    if part is None or values.shape[1:] != part.shape:
-        return values
-    return values[(slice(None), part.rows, part.cols)]
 
 
 def _scaled(found: Frames, circuit: Circuit, full_scale: float | None) -> Frames:
@@ -225,7 +218,12 @@ def recorded_skin(path, config=None, namespace: str = "") -> SkinConfig:
 
 
 def _of_recording(recording: Recording, circuit: Circuit | None, part: Part | None) -> Frames:
-    samples, skin = _cut(recording.adc, part), recording.skin
+    samples, skin = recording.adc, recording.skin
+    if part:
+        if recording.parameters:
+            with contextlib.suppress(ValueError):  # lines that were not recorded
+                part = part.within(part_of(skin.board))
+        samples = part.of(samples)
     circuit = circuit or skin.circuit
     if samples.shape[1:] != circuit.shape:
         raise _wrong_size(recording.path, samples.shape, circuit)

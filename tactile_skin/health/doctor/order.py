@@ -27,6 +27,9 @@ _MAJORITY = 0.5  # of the votes' sum over the sum of their sizes
 _GAIN = 0.06  # share of all variation that the other order saves at least, of one touch
 _LIGHT = 0.03  # share of the picture's largest value below which a cell counts as untouched
 _FEWEST_LINES = 4  # whose order the touches tell
+_MORE = 1.5  # times what the best exchange saves, that another order does
+_NO_GAIN = 1e-3  # share of the variation by which an order is no better
+_STRETCH = 3  # lines that are moved together
 
 
 def equal_lines(seen: Recorded, skip) -> list[tuple[int, int, int]]:
@@ -78,6 +81,18 @@ def misplaced(seen: Recorded, skip, cells=(), pressed=()) -> list[Finding]:
         beside = {line for a, line in skip if a != axis} | {cell[1 - axis] for cell in cells}
         across = [k for k in range(seen.circuit.shape[1 - axis]) if k not in beside]
         turned = seen.turned(axis, pictures)[:, used][:, :, across]
+        if ordered := reordered(turned):
+            order, votes = [used[k] for k in ordered[0]], ordered[1]
+            words = " ".join(map(str, order))
+            return [
+                Finding(
+                    Kind.SWAPPED,
+                    "order",
+                    **lines(axis, *order),
+                    numbers=votes._asdict(),
+                    detail=words,
+                )
+            ]
         if (best := _exchanged(turned)) is None:
             continue
         pair, votes = (used[k] for k in best[0]), best[1]
@@ -166,3 +181,72 @@ def _exchanged(pictures: np.ndarray) -> tuple[tuple[int, int], Vote] | None:
         saved[:, k] = now - _variation(pictures[:, order])
     found = _vote(now, saved)
     return found and (pairs[found[0]], found[1])
+
+
+def reordered(pictures: np.ndarray) -> tuple[list[int], Vote] | None:
+    """Return the order of lines in which touches are smoothest; None: at most two are out of place.
+
+    An order that half of the touches choose is voted on by the other half.
+    """
+    count = pictures.shape[1]
+    if count <= _FEWEST_LINES or len(pictures) < 2 * FEW_TOUCHES:
+        return None
+    order = _smoothest(pictures)
+    if np.count_nonzero(np.array(order) != np.arange(count)) <= 2:
+        return None
+    saved = np.empty((len(pictures), 1))
+    for k in (0, 1):
+        voting, chosen = pictures[k::2], _smoothest(pictures[1 - k :: 2])
+        saved[k::2, 0] = _variation(voting) - _variation(voting[:, chosen])
+    found = _vote(_variation(pictures), saved)
+    exchange = _exchanged(pictures)
+    if found is None or (exchange and exchange[1].share * _MORE > found[1].share):
+        return None
+    return order, found[1]
+
+
+def _smoothest(pictures: np.ndarray) -> list[int]:
+    """Return an order of the lines of (touches, lines, cells) that varies least from one to next.
+
+    Stretches of it are turned round, and moved, while that saves something (Lin and Kernighan 1973;
+    Or 1976), from the order as it is and from that of the second eigenvector of how alike lines are
+    (Fiedler 1975); the former, unless the latter saves `_GAIN` more.
+    """
+    count = pictures.shape[1]
+    bare = np.zeros((len(pictures), 1, pictures.shape[2]))  # beyond the edges
+    flat = np.concatenate([pictures, bare], 1).swapaxes(0, 1).reshape(count + 1, -1)
+    apart = np.array([np.abs(flat - line).sum(1) for line in flat])
+    alike = np.exp(-apart[:-1, :-1] / np.median(apart[:-1, :-1]))
+    _, vectors = np.linalg.eigh(np.diag(alike.sum(1)) - alike)
+    spectral = np.argsort(vectors[:, 1]).tolist()
+    if np.corrcoef(spectral, np.arange(count))[0, 1] < 0.0:
+        spectral.reverse()
+    found = [_shortest(order, apart) for order in (list(range(count)), spectral)]
+    lengths = [_length(order, apart) for order in found]
+    order = found[lengths[1] < (1.0 - _GAIN) * lengths[0]]
+    return order[::-1] if np.corrcoef(order, np.arange(count))[0, 1] < 0.0 else order
+
+
+def _length(order: list[int], apart: np.ndarray) -> float:
+    """Return the variation along a path through all lines, from and to beyond the edges."""
+    path = [-1, *order, -1]
+    return float(apart[path[:-1], path[1:]].sum())
+
+
+def _shortest(order: list[int], apart: np.ndarray) -> list[int]:
+    """Return a path that no stretch of lines shortens, turned round or moved."""
+    count, best = len(order), _length(order, apart)
+    least = _NO_GAIN * best
+    improved = True
+    while improved:
+        improved = False
+        for a, b in combinations(range(count + 1), 2):
+            rest, stretch, places = order[:a] + order[b:], order[a:b], [a]
+            if b - a <= _STRETCH:
+                places = list(range(len(rest) + 1))
+            paths = [rest[:k] + way + rest[k:] for k in places for way in (stretch, stretch[::-1])]
+            lengths = [_length(path, apart) for path in paths]
+            k = int(np.argmin(lengths))
+            if lengths[k] < best - least:
+                order, best, improved = paths[k], lengths[k], True
+    return order

@@ -143,7 +143,7 @@ class Readout(ABC):
     def least(cls, circuit: Circuit, rest: Floats) -> Floats:
         """Return (rows, cols) the least that loads on other cells leave of readings at rest.
 
-        Both are over the scale of `apparent`, which says what they take of a line as a whole.
+        Both are over the scale of `apparent`, by which they lower all of a line alike.
         """
         return rest
 
