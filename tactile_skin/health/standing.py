@@ -11,6 +11,7 @@ from ..calibration.touched import TOUCHED
 from ..findings.finding import Finding, Kind, Severity, largest
 from ..physics.adc import Adc
 from ..solvers.reading import FEW, ROUNDING_NOISE
+from ..solvers.suspect import MODEL_ERROR
 from .check import Check, Seen
 
 _LOOK = 1.0  # s between looks
@@ -21,8 +22,8 @@ _FIRST = 3.0  # s after the first frame in which a touch is there from the start
 _SOON = 10.0  # s that such a touch stands when it is said,
 _LONG = 120.0  # and any other
 # Readings over those at rest that fall back together: s that are compared, as the stop does; share
-# of them that is left, at most; times the noise that they, and their fall, are; times it by which
-# they may miss one share, or one amount.
+# of them that is left, at most; times the noise that they, and their fall, are; times it, and what
+# a skin differs from its model, by which they may miss one share, or one amount.
 _SPAN = 0.3
 _KEPT = 0.85
 _CLEAR = 10.0
@@ -127,4 +128,5 @@ def fell_together(
     left = other > _CLEAR * noise  # the others are back at rest
     moved = np.count_nonzero(left) >= FEW and fell[left].mean() > _STEEP * noise
     by_amount = fell[left].var() / 2.0 if moved else np.inf
-    return share if min(by_share, by_amount) < (_EXACT * noise) ** 2 else None
+    exact = (_EXACT * noise) ** 2 + np.square(MODEL_ERROR * one).mean()
+    return share if min(by_share, by_amount) < exact else None
