@@ -9,7 +9,6 @@ readings.py   faults of single readings: bits, ceiling, noise, open and loose li
 order.py      lines that read alike, lines in the wrong order
 wiring.py     damage of wires and cells that explains the rest
 series.py     r_par, r_line, r_drive by the touches
-converter.py  an ADC that is not linear, diodes in the driven lines
 advice.py     what to enter, tried on the frames before it is proposed
 
 What the readings cannot tell is not guessed: two boards that read alike get the same finding, which
