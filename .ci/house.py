@@ -16,7 +16,7 @@ DECIDED = {  # what -> size as of 28 November 2026: lines, words or constants
     "package, page lines": 2441,
     "tests, Python lines": 35500,
     "benchmarks, Python lines": 12150,
-    "docs, words": 45961,
+    "docs, words": 37150,
     "numeric constants of modules": 906,
 }
 TRACKED = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True)

@@ -11,6 +11,7 @@ from pathlib import Path
 import tactile_skin
 from tactile_skin import launch, msg
 from tactile_skin.cli import COMMANDS, make_parser
+from tactile_skin.commands.doctor import BOARD
 from tactile_skin.findings.finding import WORDS
 from tactile_skin.middleware.bus import Context, DurabilityPolicy, Node, Parameter
 from tactile_skin.middleware.package import node_class
@@ -47,7 +48,9 @@ def commands() -> str:
             parts += [f"| {_spelt(a)} | {_help(a)} |" for a in options]
             parts.append("")
         if sub.epilog:
-            parts.append(f"```text\n{sub.epilog.rstrip()}\n```")
+            head, same, _ = sub.epilog.partition(BOARD)  # parameters.md has what follows
+            more = f"{same} circuit.* of docs/parameters.md, as rows:=8" if same else ""
+            parts.append(f"```text\n{head.rstrip()}\n{more}".rstrip() + "\n```")
     return "\n".join(parts).rstrip() + "\n"
 
 
@@ -60,9 +63,10 @@ def _spelt(action: argparse.Action) -> str:
 
 
 def _help(action: argparse.Action) -> str:
-    """Return an argument's help, with its choices."""
-    choices = f"; {', '.join(map(str, action.choices))}" if action.choices else ""
-    return (str(action.help) + choices).replace("|", "\\|")
+    """Return an argument's help, with its choices if it does not name them."""
+    choices = ", ".join(map(str, action.choices or ()))
+    words = [str(action.help), *[choices] * (choices not in str(action.help))]
+    return "; ".join(words).replace("|", "\\|")
 
 
 def api() -> str:
@@ -170,7 +174,7 @@ def troubleshooting() -> str:
     remedies: dict[str, list[str]] = {}
     for where, evidence, remedy in WORDS.values():
         said = f"{where}: {evidence}" if where else evidence
-        if said != "{detail}":  # else all of it is worked out elsewhere
+        if remedy and said != "{detail}":  # else all of it is worked out elsewhere
             remedies.setdefault(_example(said), []).append(_example(remedy))
     rows = [f"| `{said}` | {' Or: '.join(dict.fromkeys(of))} |" for said, of in remedies.items()]
     page = (DOCS / "troubleshooting.md").read_text(encoding="utf-8")

@@ -52,8 +52,8 @@ _WINDOW = 1.0  # s that a measurement takes, and that a fabric recovers for afte
 _QUIET_AFTER = 0.1  # s without a touch that must follow it: an onset is too weak to feel
 _GAIN = 0.5  # share of the change, of the rest and of its noise, that a later measurement adds
 # Changes of log conductance that are no fabric's, chosen on simulated boards (tests/calibration;
-# bench faults): of all cells from what is known, and besides in each second, as a robot's cover
-# warms up.
+# benchmarks.faults): of all cells from what is known, and besides in each second, as a robot's
+# cover warms up.
 _MAX_STEP = 0.1
 _MAX_DRIFT = 0.02 / 60.0
 _DRIFTS_AFTER = 0.3  # s of rest after which a drift of all cells is followed

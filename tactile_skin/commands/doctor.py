@@ -41,6 +41,7 @@ options, name:=value:
   port, baud, protocol, seconds   of the live board (default 1000000, binary, 60)
 exit status: 0 nothing found, 1 something found, 2 a mistake."""
 
+BOARD = "the board, in place of config or on top:"  # a heading of the help
 _BOARD = {leaf.name: leaf for leaf in leaves(parameters.Circuit)}  # circuit.* are arguments
 _KINDS: dict[str, type] = {
     "config": str,
@@ -62,7 +63,7 @@ _LOST = 0.05  # the same of frames lost
 
 def register(parser) -> None:
     board = [f"  {name:14}  {leaf.about.description}" for name, leaf in _BOARD.items()]
-    parser.epilog = "\n".join([EXAMPLES, "the board, in place of config or on top:", *board])
+    parser.epilog = "\n".join([EXAMPLES, BOARD, *board])
     parser.add_argument("words", nargs="*", metavar="FILE | NAME:=VALUE", help="frames; options")
 
 

@@ -34,7 +34,7 @@ LINE_OPEN = 0.1  # the same, of an open line
 _UPSIDE_DOWN = 0.1  # of the readings that are too low, on no one line: more than some bad contacts
 LIGHTER = "lighter"  # number of a misfit that cells explain which conduct less than at rest
 EXACT_NOISE = 0.02  # ADC steps that an exact reading may miss
-# A saturated input (docs/derivation.md, "When to doubt", 3).
+# A saturated input (docs/derivation.md, "When to doubt", 2).
 _GAP = 3.0  # times as far below the largest reading there are few others:
 _FLAT = 8  # readings at it at least,
 _FLAT_OTHERS = 0.25  # and others in the gap for each of them

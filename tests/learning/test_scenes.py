@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes and readouts are what DESIGN and README say they are."""
+"""Scenes and readouts are what simulation/scenes.py says they are."""
 
 import numpy as np
 import pytest
