@@ -12,13 +12,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .estimate import Estimate
-from .fixed_point import last_guess
+from .prior import force_of
 from .reading import NEAR_REST, Reading
 from .suspect import model_variance, saturation
+
+if TYPE_CHECKING:
+    from .map import Fit
 
 # Share of the readings of a frame that carry a value. Chosen on the first halves of recordings of
 # real insoles, scored on their second halves (benchmarks/accuracy/boards.py).
@@ -35,21 +39,25 @@ _CHI = 2.2  # of a reading that carries a value, on average, without those that 
 _WORST = 0.5  # of the worst one's, from which on others are set aside in the same round
 _ROUNDS = 6
 
-Fit = Callable[[Reading, np.ndarray], Estimate]
+Refit = Callable[[Reading, np.ndarray], "Fit"]
 
 
-def without_bad_contacts(reading: Reading, fit: Fit, estimate: Estimate) -> Estimate | None:
+def without_bad_contacts(reading: Reading, fit: Refit, g: np.ndarray) -> Estimate | None:
     """Return the estimate of a suspect frame without readings that contradict the others.
 
     None: there are none, or too many, or the others are not explained either; or the input is
     saturated: readings beside a touch that is cut off seem too low, and are not.
+
+    Args:
+        fit: of a reading, from a guess (rows, cols) [S].
+        g: (rows, cols) that explains the frame best [S].
     """
     if saturation(reading):
         return None
-    aside = np.zeros(reading.adc.shape, bool)
     usable, values = reading.known | reading.capped, np.count_nonzero(reading.known)
+    aside = np.zeros(reading.adc.shape, bool)
     for _ in range(_ROUNDS):
-        found = usable & _impossible(reading, estimate, aside)
+        found = usable & _impossible(reading, g, aside)
         if (found == aside).all() or np.count_nonzero(found) > _MOST * values:
             return None
         aside = found
@@ -59,22 +67,24 @@ def without_bad_contacts(reading: Reading, fit: Fit, estimate: Estimate) -> Esti
             capped=reading.capped & ~aside,
             adc=np.where(aside, 0.0, reading.adc),
         )
-        estimate = fit(left, last_guess(left, estimate))
-        if estimate.status == "ok":
-            bad = any(_bad_line(aside, usable, estimate.force, axis) for axis in (0, 1))
-            bad = bad or _moved(aside, usable) or not _explained(left, estimate)
-            return None if bad else replace(estimate, aside=aside)
-        if estimate.status == "failed" or reading.late():
+        refit = fit(left, g)
+        g = refit.g
+        if refit.status == "ok":
+            force = force_of(left, g)[0]
+            bad = any(_bad_line(aside, usable, force, axis) for axis in (0, 1))
+            bad = bad or _moved(aside, usable) or not _explained(left, g)
+            return None if bad else replace(refit.estimate(), aside=aside)
+        if refit.status == "failed" or reading.late():
             return None
     return None
 
 
-def _explained(left: Reading, estimate: Estimate) -> bool:
+def _explained(left: Reading, g: np.ndarray) -> bool:
     """Whether the readings that carry a value are explained without those set aside.
 
     Of those below a threshold most say nothing either way, and would make up for a misfit.
     """
-    off = _misfit(left, last_guess(left, estimate))
+    off = _misfit(left, g)
     return bool(np.square(off)[left.known].mean() <= _CHI)
 
 
@@ -98,13 +108,12 @@ def _moved(aside: np.ndarray, usable: np.ndarray) -> bool:
     return False
 
 
-def _impossible(reading: Reading, estimate: Estimate, aside: np.ndarray) -> np.ndarray:
+def _impossible(reading: Reading, g: np.ndarray, aside: np.ndarray) -> np.ndarray:
     """(rows, cols) bool: readings that lie below what the others let through.
 
     Those of cells at rest, and of them the worst: a reading that is far off draws the fit away
     from others that are sound. One that was set aside, and agrees with the fit without it, is not.
     """
-    g = last_guess(reading, estimate)
     off = -_misfit(reading, g)
     new = np.where((g <= NEAR_REST * reading.bounds[0]) & ~aside, off, 0.0)
     return (aside & (off > _OFF)) | (new > max(_OFF, _WORST * new.max()))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from ..findings.finding import Finding
 from ..physics.circuit import Circuit
@@ -135,15 +136,16 @@ def where_unread(reading, model, force: np.ndarray, std: np.ndarray, equations=N
     cells, readings = (np.flatnonzero(a).astype(np.int32) for a in (unread, model.weight))
     if not cells.size:
         return std
-    basis = np.zeros((readings.size, 0))
+    taken = np.zeros((readings.size, 0))
     if equations is not None:
         touched = equations.unknowns[~unread.flat[equations.unknowns]]
-        taken = model.jacobian(readings, touched) * g.flat[touched]
-        taken = np.concatenate([taken, np.eye(touched.size)])  # their log g is known to 1
-        basis = np.linalg.qr(taken)[0][: readings.size]
+        taken = model.jacobian(readings, touched).astype(float) * g.flat[touched]
+    # their log g is known to 1
+    factor = np.linalg.cholesky(taken.T @ taken + np.eye(taken.shape[1]))
 
     def chi2(left: np.ndarray) -> np.ndarray:
-        return np.square(left).sum(0) - np.square(basis.T @ left).sum(0)
+        absorbed = solve_triangular(factor, taken.T @ left, lower=True, check_finite=False)
+        return np.square(left).sum(0) - np.square(absorbed).sum(0)
 
     low, high = reading.bounds
     end = np.where(g < np.sqrt(low * high), high, low)
@@ -158,13 +160,14 @@ def where_unread(reading, model, force: np.ndarray, std: np.ndarray, equations=N
     up = (end > g).flat[cells]
     bend = np.clip(bend, np.where(up, 1.0, _ROUNDING), np.where(up, np.inf, 1.0))
     misfit = model.misfit.flat[readings][:, None]
-    before, least = chi2(misfit), np.zeros(cells.size)
-    for log_g in np.linspace(np.log(low), np.log(high), _TRIED):
-        part = ((np.exp(log_g) - g) / (end - g)).flat[cells]
-        change = there * bend * part / (1.0 + (bend - 1.0) * part)
-        times = np.sqrt(np.maximum(chi2(misfit - change) - before, 1.0))
-        off = np.abs(curve.force_at(log_g) - force).flat[cells]
-        least = np.where(times < _FAR, np.maximum(least, off / times), least)
+    log_g = np.linspace(np.log(low), np.log(high), _TRIED)  # (tried, rows, cols)
+    part = ((np.exp(log_g) - g) / (end - g)).reshape(_TRIED, -1)[:, cells, None]
+    change = there.T * bend.T * part / (1.0 + (bend.T - 1.0) * part)
+    left = (misfit.T - change).reshape(-1, readings.size).T
+    more = chi2(left).reshape(_TRIED, -1) - chi2(misfit)
+    times = np.sqrt(np.maximum(more, 1.0))
+    off = np.abs(curve.force_at(log_g) - force).reshape(_TRIED, -1)[:, cells]
+    least = np.where(times < _FAR, off / times, 0.0).max(0)
     full = curve.max_force
     any_force = np.sqrt(((full - force) ** 3 + force**3) / (3.0 * full))
     std = std.copy()

@@ -66,15 +66,17 @@ def map_estimate(reading: Reading, start: Estimate | None = None) -> Estimate:
         return same
     if reading.may_fit_two:
         g, warm = first_guess(reading), False
-    estimate = _fit(reading, g, warm)
-    if warm and estimate.status != "ok" and not reading.late():
+    fit = _fit(reading, g, warm)
+    if warm and fit.status != "ok" and not reading.late():
         again = _fit(reading, first_guess(reading))
-        estimate = estimate if again.status == "failed" else again
+        fit = fit if again.status == "failed" else again
     # without cross-talk cells of any other circuit would fit as well
-    if estimate.status == "suspect" and reading.circuit.has_cross_talk and not reading.late():
+    if fit.status == "suspect" and reading.circuit.has_cross_talk and not reading.late():
         if not reading.noise_given:
-            reading = replace(reading, noise=float(estimate.noise))
-        estimate = without_bad_contacts(reading, partial(_fit, warm=True), estimate) or estimate
+            reading = replace(reading, noise=float(fit.reading.noise))
+        if found := without_bad_contacts(reading, partial(_fit, warm=True), fit.g):
+            return found
+    estimate = fit.estimate()
     finding = estimate.finding
     if isinstance(finding, Finding) and _is_lighter(reading, estimate, finding):
         numbers = {**finding.numbers, suspect.LIGHTER: 1.0}
@@ -94,7 +96,7 @@ def _unless_another(reading: Reading, estimate: Estimate) -> Estimate:
     """
     n, noise = reading.n_informative, max(float(estimate.noise), ROUNDING_NOISE)
     known = replace(reading, noise=float(estimate.noise), noise_given=True)
-    other = _fit(known, reading.circuit.populated * reading.bounds[1])
+    other = _fit(known, reading.circuit.populated * reading.bounds[1]).estimate()
     if reading.late():
         message = suspect.no_convergence(reading, int(estimate.iterations))
         return replace(estimate, status="failed", message=message)
@@ -128,7 +130,7 @@ def _unchanged(reading: Reading, start: Estimate, g: np.ndarray) -> Estimate | N
 
 def _fit(
     reading: Reading, g: np.ndarray, warm: bool = False, fits: int = _MAX_FITS, level=True
-) -> Estimate:
+) -> Fit:
     """Fit the load to a reading.
 
     Args:
@@ -148,7 +150,7 @@ def _fit(
     point, step, iterations, settled = _converge(reading, Point(reading, g, broad), broad, warm)
     if broad and _leaves_level(reading, point):
         found = _fit(reading, point.model.g, warm, fits, level=False)
-        return replace(found, iterations=found.iterations + steps + iterations)
+        return found._replace(iterations=found.iterations + steps + iterations)
     converged = step.solved and (settled or iterations == MAX_STEPS)
     if converged and not reading.late():
         again, g = reading, point.model.g
@@ -160,15 +162,51 @@ def _fit(
                 g = begin
         if again.noise != reading.noise:
             found = _fit(again, g, warm, max(fits - 1, 0), level)
-            return replace(found, iterations=found.iterations + steps + iterations)
-    force, std, adc = _forces(reading, point, step, converged, broad)
-    residual = reading.residual(adc)
+            return found._replace(iterations=found.iterations + steps + iterations)
     finding = suspect.by_reading(reading)
     finding = finding or suspect.by_residual(reading, point.model.adc, ROUNDING_NOISE)
     failure = "" if converged else suspect.no_convergence(reading, iterations)
     failure += "" if step.solved else ": the step exceeds single precision"
-    said = (*suspect.status_of(finding, failure), "map", steps + iterations, reading.noise)
-    return Estimate(force, std, residual, *said, finding=finding)
+    return Fit(reading, point, step, broad, steps + iterations, finding, failure)
+
+
+class Fit(NamedTuple):
+    """What a fit found, before forces and their standard deviations are made of it."""
+
+    reading: Reading
+    point: Point
+    step: _Step
+    broad: bool  # whether its prior is that of a load on all of the skin
+    iterations: int
+    finding: Finding | None
+    failure: str  # why it has not converged; empty: it has
+
+    @property
+    def status(self) -> str:
+        """As of `Estimate`."""
+        return suspect.status_of(self.finding, self.failure)[0]
+
+    @property
+    def g(self) -> np.ndarray:
+        """(rows, cols) conductance [S]."""
+        return self.point.model.g
+
+    def estimate(self) -> Estimate:
+        """Return forces, and how sure they are."""
+        converged = self.step.solved and not self.failure
+        force, std, adc = _forces(self.reading, self.point, self.step, converged, self.broad)
+        status, message = suspect.status_of(self.finding, self.failure)
+        return Estimate(
+            force,
+            std,
+            self.reading.residual(adc),
+            status,
+            message,
+            "map",
+            self.iterations,
+            self.reading.noise,
+            finding=self.finding,
+        )
 
 
 def _is_lighter(reading: Reading, estimate: Estimate, finding: Finding) -> bool:
