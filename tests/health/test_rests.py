@@ -112,7 +112,8 @@ def test_a_fabric_that_rests_lower_after_a_touch_stops_nothing(readout, fades, s
         force = np.zeros((8, 8))
         force[:, :4] = 2.0 <= t < 3.0
         force[2:6, 4:] = next_ * (3.4 <= t < 6.0)
-        ohm = curve.resistance((1.0 + 0.1 * SPREAD) * force) / np.where(np.arange(8) < 4, lower, 1.0)
+        touched = np.where(np.arange(8) < 4, lower, 1.0)
+        ohm = curve.resistance((1.0 + 0.1 * SPREAD) * force) / touched
         now = forward(circuit, ohm) + 0.3 * rng.standard_normal((8, 8)) / 1023
         said = compensate(now, circuit, curve, "auto", noise=0.3)
         given = {"force": said.force, "samples": np.uint16(np.round(now * 65472)), "adc": now}
