@@ -267,7 +267,7 @@ class Gained:
             both = np.maximum(added - self._weight @ np.minimum(remembered, load), least)
             load = both[..., :1, :]
         if cells is None:
-            self._remembered, self._load = remembered, load
+            self._remembered, self._load = remembered, load.copy()  # what is returned stays
         else:
             self._remembered[..., cells], self._load[..., cells] = remembered, load
         return both
