@@ -181,7 +181,7 @@ class Scene:
     """True forces in time, (n, rows, cols) [N], and the knots of each that presses."""
 
     def __init__(self, shape):
-        self.force = np.zeros((round(REST * KNOTS), *shape))
+        self.force = np.zeros((round(2.0 * PAUSED * KNOTS), *shape))  # hands off
         self.spans: list[tuple[int, int]] = []
 
     def add(self, picture: np.ndarray, on: np.ndarray, wait: float) -> None:
@@ -375,24 +375,9 @@ def main(arguments=None) -> dict:
         costs = cost()
         for number in range(args.boards):
             boards.append(run(number, args.seed, args.parts))
-            print(f"{number}: {said(boards[-1])}", flush=True)
+            print(number, boards[-1], flush=True)
     table(boards, costs)
     return {"boards": boards, "cost": costs}
-
-
-def said(result: dict) -> str:
-    words = []
-    for name, value in result.items():
-        if isinstance(value, dict) and "true" in value:
-            true = np.array(value["true"])
-            inside = np.count_nonzero((true >= ALLOWED[0]) & (true <= ALLOWED[1]))
-            words.append(
-                f"{name}: {inside}/{true.size} at {np.round(np.sort(true), 1)}, left "
-                f"{max(value['left']):.1%}, free {max(value['free']):.2f} s {value['reasons']}"
-            )
-        else:
-            words.append(f"{name} {value:.3f}" if isinstance(value, float) else f"{name} {value}")
-    return ", ".join(words)
 
 
 if __name__ == "__main__":

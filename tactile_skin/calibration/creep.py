@@ -141,7 +141,7 @@ def _standing(frames, times, circuit: Circuit, rest: Rest) -> tuple[np.ndarray, 
     first = int(np.argmax(rise > _STOOD * usual))
     t = times[first:] - times[first]
     if t[-1] < _SPAN:
-        raise ValueError(f"the object stands for {t[-1]:.0f} s: {_SPAN:.0f} s or more are needed")
+        raise ValueError(f"the object stands for {int(t[-1])} s: {_SPAN:.0f} s or more are needed")
     gone = (rise[first:] < _STOOD * usual) & (t > _SETTLES)
     if gone.any():
         raise ValueError(f"the object was taken off after {t[gone.argmax()]:.0f} s")
