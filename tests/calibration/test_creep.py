@@ -74,13 +74,6 @@ def test_what_stands_is_worked_out_as_seldom_as_it_creeps(monkeypatch):
     assert found[-1] - found[-2] == pytest.approx(1.0, abs=0.05)
 
 
-def test_what_was_told_before_a_gap_stays():
-    gained = Gained(0.1, np.array([0.1]), 2)
-    told = gained.update(0.0, np.ones(2))
-    gained.update(100.0, np.ones(2))
-    assert (told == 1.0).all()
-
-
 def test_a_load_that_went_is_nothing_and_the_next_one_is_whole():
     times = np.arange(0.0, 302.0, 0.1)
     force = np.full((times.size, 2, 2), 2.0)

@@ -98,10 +98,7 @@ def test_they_stop_a_robot_where_they_stay(hertz, stops):
 @pytest.mark.parametrize(("fades", "stops"), [(2.0, False), (np.inf, True)])
 @pytest.mark.parametrize("next_", [0.0, 2.0])
 def test_a_fabric_that_rests_lower_after_a_touch_stops_nothing(readout, fades, stops, next_):
-    """Velostat conducts 25 to 40 % less at first, and is back in 5 s; what stays low is a fault.
-
-    So it is below another touch, `next_` to the first one [N].
-    """
+    """Velostat is back in 5 s, also below the next touch [N]; what stays low is a fault."""
     circuit = Circuit(8, 8, readout=readout, r_ref=1780.0)
     curve = CURVE.resting_at(np.exp(0.05 * SPREAD) * CURVE.rest_resistance)
     adc, rng = Adc(circuit), np.random.default_rng(4)
