@@ -12,6 +12,7 @@ Velostat: a curve for each of 16 places of one cell, from one press of each forc
 scored, also with a gain by the first press of each series. `static`: `fit_curve` by the last 0.3 s
 of each press; `creep`: `fit_reference`, and what a running skin makes of it. Errors are the median
 and the 90th percentile [%] of the force, of samples above 10 % of full scale (40 N; FSR 49 N).
+Of 50 g that a hand lays on for 10 to 90 s, 12 times: what `measure_creep` finds, or why not.
 """
 
 from __future__ import annotations
@@ -21,8 +22,9 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_skin import Circuit, Creep, PressureCurve, fit_curve, fit_reference, measure_rest
+from tactile_skin import Circuit, Creep, PressureCurve, fit_curve, fit_reference, measure_creep
 from tactile_skin.calibration.creep import Standing
+from tactile_skin.calibration.rest import measure_rest
 
 from .. import harness
 from .recordings import FSR, TIPS, VELOSTAT, Press, fsr, joined, velostat
@@ -105,13 +107,6 @@ def row(tables: list[np.ndarray], full_scale: float) -> dict[str, float]:
     return figures
 
 
-def show(name: str, figures: dict[str, float]) -> None:
-    shown = [f"{name:28}"]
-    for part in ("first", "all", "holds"):
-        shown.append(f"{part} {figures[f'{part} median']:.1%} / {figures[f'{part} p90']:.1%}")
-    print(*shown, f"below 0.7 {figures['below 0.7']:.1%}", f"left {figures['left']:.1%}", sep="  ")
-
-
 def of_velostat(folder: Path, tip: str, train: int) -> dict:
     """Score one run's places by curves of the other's."""
     places = velostat(folder, tip, train), velostat(folder, tip, 3 - train)
@@ -154,6 +149,20 @@ def of_fsr(folder: Path) -> dict:
     }
 
 
+def laid(path: Path) -> str:
+    """Return what a load that stands shows of creep, a hand's second at both ends left out."""
+    ohm, times = np.loadtxt(path).T
+    adc = (VELOSTAT.r_ref / (VELOSTAT.r_ref + ohm))[:, None, None]
+    stands = times[ohm < ohm.max() / 4.0]
+    rests, there = times < stands[0] - 1.0, times < stands[-1] - 2.0
+    there &= ~rests & np.r_[True, np.diff(times) > 0.0]
+    try:
+        rest = measure_rest(adc[rests], VELOSTAT)
+        return str(measure_creep(adc[there], times[there], VELOSTAT, rest))
+    except ValueError as error:
+        return f"refused: {error}"
+
+
 def main(arguments=None) -> dict:
     parser = harness.parser(__doc__, __spec__)
     parser.add_argument("--velostat", type=Path, metavar="FOLDER")
@@ -165,11 +174,13 @@ def main(arguments=None) -> dict:
         for tip in TIPS:
             figures = of_velostat(args.velostat / "src/experimental_data", tip, args.train)
             found |= {f"Velostat, {tip} tip, {name}": of for name, of in figures.items()}
+        for path in sorted(args.velostat.glob("**/question_1_5/**/*.txt")):
+            print(f"{path.parts[-3]} {path.parts[-2]}: {laid(path)}")
     if args.fsr:
         figures = of_fsr(args.fsr / "data/FSR_S1/raw")
         found |= {f"FSR, {name}": of for name, of in figures.items()}
     for name, figures in found.items():
-        show(name, figures)
+        print(name, {of: f"{value:.1%}" for of, value in figures.items()})
     return found
 
 

@@ -23,7 +23,8 @@ LAID = 5.0  # s that an object has lain there, about, when its weight is known: 
 _DECADES = 6  # of time that are followed: days are no standing load
 _GONE = 0.8  # of what it was, below which a load has gone, or a part of it, and its gain with it
 _RELEASE = 0.2  # s in which that is forgotten; a single frame that drops out does no harm
-_FORGOTTEN = 1.0  # s without a load after which a cell remembers none
+_STILL = 0.02  # of all loads, by which they may differ and stand: what is left of them stays known
+_OLD = 10.0 ** (_STILL / MAX_SHARE) - 1.0  # of the time they stood: no fabric gains as much in it
 SETTLED = 1.0  # s that a touch takes to come; what it gains later is creep, and no push
 _GAP = 30.0  # s between two frames in which other loads may have come
 _SPAN = 30.0  # s of a standing load at least that tell its creep
@@ -140,7 +141,7 @@ def _standing(frames, times, circuit: Circuit, rest: Rest) -> tuple[np.ndarray, 
     first = int(np.argmax(rise > _STOOD * usual))
     t = times[first:] - times[first]
     if t[-1] < _SPAN:
-        raise ValueError(f"the object stands for {t[-1]:.0f} s: {_SPAN:.0f} s or more are needed")
+        raise ValueError(f"the object stands for {int(t[-1])} s: {_SPAN:.0f} s or more are needed")
     gone = (rise[first:] < _STOOD * usual) & (t > _SETTLES)
     if gone.any():
         raise ValueError(f"the object was taken off after {t[gone.argmax()]:.0f} s")
@@ -229,17 +230,18 @@ class Gained:
 
     def __init__(self, share, time, cells: int):
         self._last = -np.inf  # s
-        self._slow = np.multiply.outer(10.0 ** (np.arange(_DECADES) - 0.5), time)  # s
-        self._weight = share * np.exp(-time / self._slow)
-        # (decades, ..., cells) [S] that is remembered, and that there was in the last frame
-        self._remembered = np.zeros((*self._slow.shape[:-1], cells))
-        self._load = np.zeros(self._remembered.shape[1:])
-        self.late = np.zeros(
-            0
-        )  # (..., cells) [S] gained by what has stood for `SETTLED`, or longer
+        self._slow = time * 10.0 ** (np.arange(_DECADES) - 0.5)  # (..., decades) [s]
+        weight = share * np.exp(-time / self._slow)
+        # of all that has stood, and of what has for `SETTLED` or longer
+        self._weight = np.stack([weight, weight * (self._slow > SETTLED)], -2)
+        # (..., decades, cells) [S] that is remembered, and that there was in the last frame
+        self._remembered = np.zeros((*self._slow.shape, cells))
+        self._load = np.zeros((*self._slow.shape[:-1], 1, cells))
 
-    def update(self, t: float, added: np.ndarray, cells=slice(None)) -> np.ndarray:
-        """(..., cells) [S] as it came, of (cells,) that they conduct beyond their rest.
+    def update(self, t: float, added: np.ndarray, cells=None) -> np.ndarray:
+        """(..., 2, cells) [S] as it came, and at most, of (cells,) that they conduct beyond rest.
+
+        At most: only what was gained by what has stood for `SETTLED`, or longer, is taken out.
 
         Args:
             t: when the frame was read [s]; set back, or after a gap, it begins anew.
@@ -250,18 +252,25 @@ class Gained:
         if not 0.0 <= elapsed < _GAP:
             self.forget(slice(None))
             elapsed = 0.0
-        remembered, last = self._remembered[..., cells], self._load[..., cells]
+        remembered, last = self._remembered, self._load
+        if cells is not None:
+            remembered, last = remembered.take(cells, -1), last.take(cells, -1)
         if elapsed:
+            keeps = np.exp(-elapsed / self._slow)[..., None]
             gone = last < _GONE * remembered
-            forgets = np.where(gone, np.minimum(self._slow, _RELEASE), self._slow)
-            remembered = remembered - np.expm1(-elapsed / forgets) * (last - remembered)
+            if gone.any():
+                slow = np.minimum(self._slow, _RELEASE)
+                keeps = np.where(gone, np.exp(-elapsed / slow)[..., None], keeps)
+            remembered = last + keeps * (remembered - last)
         load, least = added, (1.0 - LIMIT) * added
         for _ in range(2):  # each leaves a fifth of the error of the one before, or less
-            gained = self._weight * np.minimum(remembered, load)
-            load = np.maximum(added - gained.sum(0), least)
-        self._remembered[..., cells], self._load[..., cells] = remembered, load
-        self.late = (gained * (self._slow > SETTLED)).sum(0)
-        return load
+            both = np.maximum(added - self._weight @ np.minimum(remembered, load), least)
+            load = both[..., :1, :]
+        if cells is None:
+            self._remembered, self._load = remembered, load.copy()  # what is returned stays
+        else:
+            self._remembered[..., cells], self._load[..., cells] = remembered, load
+        return both
 
     def forget(self, cells) -> None:
         """Take cells for untouched."""
@@ -275,59 +284,51 @@ class Standing:
     at all at the end of the curve: there it is a lower bound, and the stop must not lose it.
 
     Attributes:
-        late: (rows, cols) [S] that loads have gained since they had stood for `SETTLED`.
+        most: (rows, cols) [N] that loads may be at most, for all that is known of creep: the force
+            before creep is taken out, but for what a load gains after it has stood for `SETTLED`.
+            A touch never reads low as it comes, and one that stands does not grow by creep.
     """
 
     def __init__(self, creep: Creep, curve: PressureCurve):
-        self._curve, self._creep = curve, creep
-        self._ends = _END * curve.points[-1][0] * (1.0 if curve.gain is None else curve.gain)
-        self._gained: Gained | None = None
-        self._loaded = np.zeros(0)  # (cells,) [s] when each was loaded last
-        self._at = -np.inf  # s, of the last frame
-        self.late = np.zeros(())
+        self._curve, self._creep, self._gain = curve.usual, creep, curve.gain
+        self._at_rest = 1.0 / curve.points[0][1]  # S
+        self._at = self._since = self._looked = np.inf  # s, see `update` and `_left`
+        self._before = np.zeros(())  # (rows, cols) [N] that was found at `_at`
+        self._shares = self.most = np.zeros(())  # (2, rows, cols) of it: as it came, and at most
 
     def update(self, t: float, force: np.ndarray) -> np.ndarray:
         """(rows, cols) [N] of a load that had just come.
 
         Args:
             t: when the frame was read [s]; set back, or after a gap, it begins anew.
-            force: (rows, cols) that was found in it [N].
+            force: (rows, cols) that was found in it [N], by the curve "as it comes".
         """
-        flat = force.ravel()
-        if self._gained is None or t < self._at:
-            self._gained = Gained(self._creep.share, np.array([self._creep.time]), flat.size)
-            self._loaded, self._at = np.full(flat.size, -np.inf), t
-        last, self._at, loaded = self._at, t, flat > 0.0
-        idle = last - self._loaded > _FORGOTTEN
-        self._gained.forget(loaded & idle)
-        self._loaded[loaded] = t
-        cells = np.flatnonzero(loaded | ~idle)
-        self.late = np.zeros(force.shape)
-        if not cells.size:
-            return force
-        added = _added(self._curve, force)
-        left = added.copy()
-        left.flat[cells] = self._gained.update(t, added.flat[cells], cells)
-        self.late.flat[cells] = self._gained.late
-        at_rest = 1.0 / self._curve.points[0][1]
-        least = np.minimum(self._curve.force_at(np.log(left + at_rest)), force)
-        return np.where(force < self._ends, least, force)
+        if t < self._at:
+            self._gained = Gained(self._creep.share, np.array([self._creep.time]), force.size)
+            self._recent = self._follows = np.zeros(force.size, bool)  # of which it knows loads
+            self._before, self._since, self._looked = np.full(force.shape, np.nan), t, t
+        changed = not np.abs(force - self._before).sum() <= _STILL * self._before.sum()
+        if changed or t - self._at >= min(_OLD * (t - self._since), _RELEASE):
+            self._at, self._before, self._since = t, force, t if changed else self._since
+            left = self._left(t, force.ravel()).reshape(-1, *force.shape)
+            self._shares = np.divide(left, force, out=np.ones_like(left), where=force > 0.0)
+        self.most = self._shares[1] * force
+        return self._shares[0] * force
 
-
-def most(force: np.ndarray, felt: np.ndarray, late: np.ndarray, curve: PressureCurve) -> np.ndarray:
-    """(rows, cols) [N] that loads may be at most, for all that is known of creep.
-
-    The force before creep is taken out, but for what a load gains after it has stood for `SETTLED`:
-    a touch never reads low as it comes, and a load that stands for minutes does not grow by creep.
-
-    Args:
-        force: (rows, cols) by the curve "as it comes", before creep is taken out [N].
-        felt: (rows, cols) that `Standing` makes of it [N]: never more than what this returns.
-        late: (rows, cols) `Standing.late` of the same frame [S].
-        curve: the same as `Standing` has.
-    """
-    at_rest = 1.0 / curve.points[0][1]
-    added = np.maximum(_added(curve, force) - late, 0.0)
-    ends = force >= _END * curve.force(np.zeros_like(force))
-    bound = np.where(ends, force, np.minimum(curve.force_at(np.log(added + at_rest)), force))
-    return np.maximum(felt, bound)
+    def _left(self, t: float, force: np.ndarray) -> np.ndarray:
+        """(2, cells) [N] as it came, and at most, of (cells,) that were found."""
+        loaded = force > 0.0
+        self._recent = self._recent | loaded
+        if t - self._looked > 5.0 * _RELEASE:  # what was not loaded since then remembers none
+            self._gained.forget(self._follows & ~self._recent)
+            self._recent, self._follows, self._looked = loaded, self._recent, t
+        self._follows = self._follows | loaded
+        cells = np.flatnonzero(self._follows)
+        own, gain = force[cells], 1.0 if self._gain is None else self._gain.ravel()[cells]
+        added = 1.0 / self._curve.resistance(own / gain) - self._at_rest
+        left = self._gained.update(t, added, cells) + self._at_rest
+        left = np.minimum(gain * self._curve.force_at(np.log(left)), own)
+        left = np.where(own < gain * (_END * self._curve.max_force), left, own)
+        found = np.stack([force, force])
+        found[:, cells] = left
+        return found

@@ -153,7 +153,7 @@ def _loads(added, since, press, share, time) -> np.ndarray:
     """(n, tried, rows, cols) [S] of loads as they came, by (tried, 1) shares and times of creep."""
     gained, flat = Gained(share, time, added[0].size), added.reshape(len(added), -1)
     t = since + _APART * _count(press)
-    loads = [gained.update(at, now) for at, now in zip(t, flat, strict=True)]
+    loads = [gained.update(at, now)[:, 0] for at, now in zip(t, flat, strict=True)]
     return np.array(loads).reshape(len(added), -1, *added.shape[1:])
 
 

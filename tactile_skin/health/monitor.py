@@ -116,7 +116,7 @@ class SkinMonitor:
         finding = seen.estimate.finding
         if not (isinstance(finding, Finding) and LIGHTER in finding.numbers and lost.any()):
             return self._hums and not touched
-        if seen.recovers and not touched:
+        if seen.recovers:
             return True
         below, above = (np.average(mean, weights=lost) for mean in before)
         return bool(below < _RETURNS and (not touched or above > 1.0 - _RETURNS))

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..calibration.at_rest import LEAST_STEPS
 from ..calibration.bound import PARTS, Unknown, scale_at_rest, upper_bound
-from ..calibration.creep import Standing, most
+from ..calibration.creep import Standing
 from ..calibration.tare import Tare
 from ..calibration.touched import STIRRED, STIRRED_CELLS, TOUCHED
 from ..calibration.tracker import CircuitTracker
@@ -178,7 +178,7 @@ class Follower:
             force = upper = estimate.force
             if standing := self._standing:
                 force = standing.update(t, estimate.force)
-                upper = most(estimate.force, force, standing.late, self._curve)
+                upper = standing.most
             unread = np.isnan(adc)
             if estimate.aside is not None:  # what is set aside says nothing of its own cell
                 unread |= estimate.aside

@@ -8,7 +8,7 @@ from support.lab.unknown import Creeping
 from support.weights import known, objects
 
 from tactile_skin import Creep, PressureCurve, measure_creep, measure_rest
-from tactile_skin.calibration.creep import LIMIT, Standing, as_it_comes, creep_of_presses, most
+from tactile_skin.calibration.creep import LIMIT, Gained, Standing, as_it_comes, creep_of_presses
 
 CURVE, CREEP = PressureCurve(), Creep(0.05, 1.0)
 SHAPE = 8, 8
@@ -59,6 +59,19 @@ def test_a_step_passes_in_full_and_at_once():
     force[-1] = 2.0
     found = taken_out(force, times)
     assert found[-1] - found[-2] > 0.99
+
+
+def test_what_stands_is_worked_out_as_seldom_as_it_creeps(monkeypatch):
+    """A frame costs next to nothing while a load stands; what comes next to it is felt at once."""
+    times, looks, update = np.arange(0.0, 3.0, 0.01), [], Gained.update
+    monkeypatch.setattr(Gained, "update", lambda self, *a: looks.append(a[0]) or update(self, *a))
+    force = reading(np.full(times.size, 2.0), times, 0.1, 0.1)
+    np.testing.assert_allclose(taken_out(force, times, Creep(0.1, 0.1)), 2.0, rtol=0.02)
+    assert len(looks) < 0.25 * times.size
+    force[-1, 0, 1] += 1.0
+    standing = Standing(Creep(0.1, 0.1), CURVE)
+    found = [standing.update(t, f)[0, 1] for t, f in zip(times, force, strict=True)]
+    assert found[-1] - found[-2] == pytest.approx(1.0, abs=0.05)
 
 
 def test_a_load_that_went_is_nothing_and_the_next_one_is_whole():
@@ -215,7 +228,7 @@ def test_what_a_load_may_be_is_never_less_than_what_is_felt_and_does_not_creep_u
     standing, bound = Standing(creep, CURVE), []
     for t, found in zip(times, force, strict=True):
         felt = standing.update(t, found)
-        bound.append(most(found, felt, standing.late, CURVE)[0, 0])
+        bound.append(standing.most[0, 0])
         assert (bound[-1] >= felt).all() and (bound[-1] <= found).all()
     bound = np.array(bound)
     assert bound[times < 0.3] == pytest.approx(force[times < 0.3, 0, 0], rel=0.03)
