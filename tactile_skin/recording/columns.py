@@ -36,10 +36,11 @@ _COUNTER = re.compile(
     re.IGNORECASE,
 )
 _LABEL = re.compile(
-    r"label|class|^cls$|target|posture|pose|gesture|activity|subject|person|user|category|^y$|"
-    r"^rows?$|^lines?$",
+    r"label|class|^cls$|target|posture|pose|gesture|activity|category|^y$|^rows?$|^lines?$|"
+    r"subject|person|user|participant",
     re.IGNORECASE,
 )
+_PERSON = re.compile(r"subject|person|user|participant", re.IGNORECASE)
 # How days and times of day are written, as strptime has it, with any of -/. and one blank between.
 _DAYS = ("%Y %m %d", "%d %m %Y", "%m %d %Y", "")
 _CLOCKS = ("%H:%M:%S", "%H:%M", "%I:%M:%S %p", "%I:%M %p", "")
@@ -83,6 +84,13 @@ class Column(NamedTuple):
     @property
     def is_text(self) -> bool:
         return bool(self.words) and bool(np.isnan(self.numbers).mean() > 1.0 - _MOSTLY)
+
+
+def texts(column: Column) -> np.ndarray:
+    """Return (n,) what a column of labels says of each line; empty: nothing."""
+    if column.is_text:
+        return np.array(column.words, object)
+    return np.array([f"{n:g}" * (n == n) for n in column.numbers.tolist()], object)
 
 
 class Split(NamedTuple):
@@ -259,6 +267,16 @@ def times(columns: list[Column], notes: list[str], places: list[str]) -> np.ndar
         rest = [c.numbers for c in columns if whole and unit_of(c.name) == "ns"]
         return column.numbers * _UNITS[unit] + (rest[0] % 1e9 * _UNITS["ns"] if rest else 0.0)
     return None
+
+
+def is_label_name(name: str) -> bool:
+    """Return whether a name is that of classes, or of who made them."""
+    return bool(_LABEL.search(name))
+
+
+def is_person(name: str) -> bool:
+    """Return whether a name of labels is that of people."""
+    return bool(_PERSON.search(name))
 
 
 def is_time_name(name: str) -> bool:
