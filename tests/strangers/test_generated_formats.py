@@ -46,18 +46,61 @@ WORDS = {  # name -> (bits of the ADC, the bytes of readings)
         for bits in (10, 12, 16)
     },
 }
-NO_WORDS = {  # that no description reads
+WORDS |= {
     "10 bits, packed": (10, lambda v: packed(v, 10)),
     "12 bits, packed": (12, lambda v: packed(v, 12)),
+    "12 bits, lowest first": (12, lambda v: packed(v[::-1], 12)[::-1]),
+    "10 bits, lowest first": (10, lambda v: packed(v[::-1], 10)[::-1]),
     "u24le": (16, lambda v: v.astype("<u4").view("u1").reshape(-1, 4)[:, :3].tobytes()),
     "u24be": (16, lambda v: v.astype(">u4").view("u1").reshape(-1, 4)[:, 1:].tobytes()),
 }
+
+
+def fletcher(data: bytes) -> bytes:
+    a = b = 0
+    for byte in data:
+        a = (a + byte) % 255
+        b = (b + a) % 255
+    return bytes([a, b])
+
+
+def modbus(data: bytes) -> bytes:
+    crc = 0xFFFF
+    for byte in data:
+        crc ^= byte
+        for _ in range(8):
+            crc = crc >> 1 ^ (0xA001 if crc & 1 else 0)
+    return struct.pack("<H", crc)
+
+
 SUMS = {name: lambda data, name=name: check_of(name, data) for name in CHECKS}
-NO_SUMS = {
-    "": lambda data: b"",
+SUMS |= {  # by their definitions
     "crc8": lambda data: bytes([crc8(data)]),
-    "crc32": lambda data: struct.pack("<I", zlib.crc32(data)),
+    "crc32le": lambda data: struct.pack("<I", zlib.crc32(data)),
+    "fletcher16le": fletcher,
+    "fletcher16be": lambda data: fletcher(data)[::-1],
+    "modbus": modbus,
 }
+NO_SUMS = {"": lambda data: b"", "of its own": lambda data: bytes([7 * sum(data) + 13 & 255])}
+
+
+def slip(data: bytes) -> bytes:
+    return data.replace(b"\xdb", b"\xdb\xdd").replace(b"\xc0", b"\xdb\xdc") + b"\xc0"
+
+
+def cobs(data: bytes) -> bytes:
+    found = b""
+    for k, part in enumerate(parts := data.split(b"\0")):
+        while len(part) >= 254:
+            found += b"\xff" + part[:254]
+            part = part[254:]
+            if not part and k == len(parts) - 1:
+                return found + b"\0"
+        found += bytes([len(part) + 1]) + part
+    return found + b"\0"
+
+
+ESCAPES = {"slip": slip, "twice": lambda data: b"\xc0" + slip(data), "cobs": cobs}
 HEADS = {
     "FF FF": lambda k: b"\xff\xff",
     "AA 55": lambda k: b"\xaa\x55",
@@ -94,13 +137,14 @@ def judged(data: list[bytes], right: np.ndarray, bits: int, known) -> tuple[bool
     return whole, seen.sure, True
 
 
-def sent(rng, word: str, check: str, level: int, seed: int):
-    bits, make = (WORDS | NO_WORDS)[word]
+def sent(rng, word: str, check: str, level: int, seed: int, escape: str = ""):
+    bits, make = WORDS[word]
     head, tail = HEADS[rng.choice(list(HEADS))], TAILS[rng.integers(len(TAILS))]
     right, data = pictures(bits, level, seed), []
     for k, picture in enumerate(right):
-        body = head(k) + make(picture)
-        data.append(body + (SUMS | NO_SUMS)[check](body) + tail)
+        body = (b"" if escape and seed % 2 else head(k)) + make(picture)
+        body += (SUMS | NO_SUMS)[check](body)
+        data.append(ESCAPES[escape](body) if escape else body + tail)
     return data, right, bits
 
 
@@ -118,33 +162,52 @@ def test_packets_with_a_check_lose_no_frame_under_a_touch(word, seed):
             assert whole or not sure, (level, known)
             count += whole, sure
     shares = {known: count / len(levels) for known, count in counted.items()}
-    print(f"\n{word}: right and sure, {shares}")
     assert shares[SHAPE].min() >= 0.75
     assert shares[None][0] >= 0.75
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("word", [*WORDS, *NO_WORDS])
+@pytest.mark.parametrize("word", WORDS)
 def test_what_no_check_proves_is_never_sure(word, seed):
     """Frames without a check, or with one that is not known, are read all the same."""
     rng, good, levels = np.random.default_rng(200 * seed), 0, LEVELS[seed % 3 :: 3]
     for level in levels:
         data, right, bits = sent(rng, word, rng.choice(list(NO_SUMS)), level, seed)
-        whole, sure, found = judged(data, right, bits, SHAPE)
+        whole, sure, _ = judged(data, right, bits, SHAPE)
         assert not sure
-        assert word in WORDS or not found
         good += whole
-    print(f"\n{word}: right {good} of {len(levels)}")
-    assert good >= 0.6 * len(levels) or word in NO_WORDS
+    assert good >= 0.6 * len(levels)
 
 
-@pytest.mark.parametrize("word", NO_WORDS)
-def test_a_check_proves_no_words_that_no_description_has(word):
-    rng = np.random.default_rng(7)
-    for level in LEVELS[::3]:
-        for known in (None, SHAPE):
-            data, right, bits = sent(rng, word, rng.choice(list(SUMS)), level, 1)
-            assert not judged(data, right, bits, known)[1], (level, known)
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("escape", ESCAPES)
+def test_escaped_packets_are_read_under_touches_that_need_other_escapes(escape, seed):
+    rng, count = np.random.default_rng(300 * seed), np.zeros(2)
+    words = [str(rng.choice(list(WORDS))) for _ in range(8)]
+    for k, word in enumerate(words):
+        check = str(rng.choice(list(SUMS)))
+        data, right, bits = sent(rng, word, check, LEVELS[k], seed, escape)
+        whole, sure, _ = judged(data, right, bits, SHAPE)
+        assert whole or not sure, (word, check, LEVELS[k])
+        count += whole, sure
+    assert count[0] >= 7 and count[1] >= 6, count
+
+
+def test_of_eighty_formats_nine_in_ten_are_right_and_none_is_wrong_and_sure():
+    """The figure of docs/formats.md: packets by chance, one in eight without a check."""
+    rng, right_ones, sure_ones = np.random.default_rng(59), 0, 0
+    for k in range(80):
+        word, level = str(rng.choice(list(WORDS))), int(rng.choice(LEVELS))
+        check = "" if k % 8 == 0 else str(rng.choice(list(SUMS)))
+        escape = str(rng.choice(["", "", *ESCAPES]))
+        data, right, bits = sent(rng, word, check, level, k, escape)
+        whole, sure, _ = judged(data, right, bits, SHAPE)
+        assert whole or not sure, (k, word, level, check, escape)
+        if not whole:
+            print("not right:", k, word, level, check, escape)
+        right_ones, sure_ones = right_ones + whole, sure_ones + sure
+    print(f"\nright {right_ones} of 80, sure {sure_ones}")
+    assert right_ones >= 0.92 * 80 and sure_ones >= 0.75 * 80
 
 
 def test_a_few_bytes_of_packed_readings_are_never_sure_to_be_readings():
