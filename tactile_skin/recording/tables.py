@@ -82,6 +82,7 @@ class Found:
     notes: list[str] = field(default_factory=list)
     lost: int = 0  # frames that were dropped
     rate: float | None = None  # frames a second that its head says
+    lines: np.ndarray = field(default_factory=lambda: np.zeros(0, int))  # (n,) that begin frames
     # name -> (n,) texts of a column that says whose, or of what, each frame is
     labels: dict[str, np.ndarray] = field(default_factory=dict)
 
@@ -171,6 +172,7 @@ def frames_of(table: Rows, circuit: Circuit) -> Found:
             f"{blind.sum()} lines in which no crossing was read: dropped (the first: line {at})"
         )
     found = Found(_frames(numbers, lines[good].ravel(), layout, circuit), None, notes)
+    found.lines = table.numbered[first[good]]
     found.lost = int(bad.sum() + blind.sum()) + -(-lost // layout.lines)
     if absent := int(by_part(lambda part: np.isnan(part).sum((1, 2)), found.values).sum()):
         notes.append(f"{absent} fields without a number: taken as not read")
