@@ -18,17 +18,11 @@ from typing import Any
 import numpy as np
 
 from .behaviours.stop import Decision, StopConfig, StopPolicy
+from .board import serial_port
 from .board.admission import Admission
 from .board.formats import make_format, make_parser
 from .board.frame import Frame
-from .board.serial_port import (
-    LONGEST_BOOT,
-    PORT_ERRORS,
-    candidates,
-    nothing_found,
-    open_port,
-    why_not,
-)
+from .board.serial_port import PORT_ERRORS, candidates, nothing_found, open_port, why_not
 from .board.terminal import is_simulated
 from .errors import FileError
 from .middleware.bus import Context, Node
@@ -127,7 +121,7 @@ class Opened:
             ConnectionError: the port is gone.
         """
         if patience is None:
-            patience = PATIENCE if self._parser.counters.frames else LONGEST_BOOT
+            patience = PATIENCE if self._parser.counters.frames else serial_port.LONGEST_BOOT
         end = time.monotonic() + patience
         while True:
             frames = self._frames(end)

@@ -90,6 +90,7 @@ def test_few_takes_and_absent_ones_are_mistakes_that_are_named(takes, tmp_path, 
         (["train", str(tmp_path / "absent"), "--out", out], "absent: does not exist"),
         (["evaluate", str(one)], "takes of two gestures at least"),
         (["record", "a/b"], "NAME 'a/b': must be of letters"),
+        (["record", "a.mcap"], "NAME 'a.mcap': must be of letters"),
         (["record", "stroke", "--times", "0"], "--times 0: must be 1 or more"),
         (["record", "hold", "a.mcap", "config:=b"], "config: of a file, only namespace:= is taken"),
     ):
@@ -158,8 +159,6 @@ def test_a_labelled_table_is_takes_of_each_of_its_classes(labelled, tmp_path, ca
     named = {(take.label, take.person) for take in found}
     assert named == {(name, person) for name in ("press", "stroke") for person in "ab"}
     assert all(take.period * len(take.pictures) == pytest.approx(1.25, abs=0.2) for take in found)
-    assert cli.main(["gestures", "record", "stroke", *words[:2], "--out", str(tmp_path / "b")]) == 0
-    assert {load_take(path).label for path in (tmp_path / "b").iterdir()} == {"stroke"}
     assert cli.main(["gestures", "record", "poke", *words]) == 2
     assert "must be one of its labels, none, press, stroke" in capsys.readouterr().err
 

@@ -213,7 +213,7 @@ def _checked(packets, fixed: int, end: int, cells: int, how: dict) -> Seen | Non
             readings = readings_of(packets[:, first:end], word) / 2.0 ** WORDS[word]
             rough = 0.0 if shows else float(np.abs(np.diff(readings, axis=0)).mean())
             fits.append((not shows, rough, k, word, first))
-    if not fits or (known and not cells and fits == [each for each in fits if each[0]]):
+    if not fits or (known and not cells and all(each[0] for each in fits)):
         return None
     hidden, *_, word, first = min(fits)
     if cells:
@@ -279,9 +279,8 @@ def _unproved(flat: np.ndarray, still: np.ndarray, cells: int, escape: str) -> S
                 or -more > _UNKNOWN
             ):
                 continue
-            if (left and counters) or (right and end < period):
-                continue
-            if known and (first + right - begin - at) % wide:
+            between = (left and counters) or (right and end < period)
+            if between or (known and (first + right - begin - at) % wide):
                 continue
             high = inner[:, wide - 1 if word.endswith("le") else 0 :: wide]
             strange = np.abs(rest - np.median(high))
@@ -291,15 +290,14 @@ def _unproved(flat: np.ndarray, still: np.ndarray, cells: int, escape: str) -> S
     if best is None:
         return None
     _, word, inner, rest, sure, first = best
-    sure[0] |= bool(escape)
+    sure[0] |= bool(escape)  # its mark
     head = [b if s else "??" for b, s in zip(_pattern(rest), sure, strict=True)]
     tail = ["??"] * (period - first - inner.shape[1])
     while head[0] == "??" or (head[0] in ("0D", "0A") and len(set(head) - {"??"}) > 1):
         tail.append(head.pop(0))
     head += ["??"] * (first - len(rest))
-    return _seen(
-        inner, PacketFormat(" ".join(head), word, tail=" ".join(tail), escape=escape), False
-    )
+    fmt = PacketFormat(" ".join(head), word, tail=" ".join(tail), escape=escape)
+    return _seen(inner, fmt, False)
 
 
 def _delimited(data: bytes) -> str:

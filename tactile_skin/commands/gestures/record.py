@@ -36,7 +36,7 @@ def record(args) -> int:
     if args.times < 1:
         raise ValueError(f"--times {args.times}: must be 1 or more")
     name = args.name
-    if Path(name).suffix.lower() in KINDS:  # a table, which names the gestures itself
+    if Path(name).suffix.lower() in KINDS and not is_recording(name):  # it names the gestures
         name, args.words = "", [args.name, *args.words]
     for option, text in (("NAME", name), ("--person", args.person)):
         if _plain(text) != text:
