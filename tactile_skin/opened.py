@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from .behaviours.stop import Decision, StopConfig, StopPolicy
+from .board import serial_port
 from .board.admission import Admission
 from .board.formats import make_format, make_parser
 from .board.frame import Frame
@@ -33,7 +34,7 @@ from .parameters import nodes as parameters
 from .physics.proof import SIMULATED, Proof
 from .touch.features import analyse_frame
 
-PATIENCE = 3.0  # s without a frame after which a read gives up: as long as a board's start takes
+PATIENCE = 3.0  # s without a frame after which a read gives up, once one has come
 _ASK_AGAIN = 0.2  # s after which a board that sends only on request is asked once more
 _BOARD, _SKIN = "board", "skin"  # stages that may be wrong, as the stop names them
 
@@ -104,11 +105,12 @@ class Opened:
         while True:
             yield self.read()
 
-    def read(self, patience: float = PATIENCE) -> tuple[float, np.ndarray]:
+    def read(self, patience: float | None = None) -> tuple[float, np.ndarray]:
         """Wait for the next frame; of several that have come meanwhile take the newest.
 
         Args:
-            patience: s to wait for it.
+            patience: s to wait for it; None: PATIENCE, or for the first frame as long as a board
+                may need that its opening has reset.
 
         Returns:
             When it arrived, of `time.monotonic` [s], and (rows, cols) force [N]: NaN where the
@@ -118,6 +120,8 @@ class Opened:
             TimeoutError: no frame came.
             ConnectionError: the port is gone.
         """
+        if patience is None:
+            patience = PATIENCE if self._parser.counters.frames else serial_port.LONGEST_BOOT
         end = time.monotonic() + patience
         while True:
             frames = self._frames(end)

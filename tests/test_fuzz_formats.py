@@ -22,7 +22,7 @@ HARMS = _flip, _burst, _lose, _double, _cut, _splice_anywhere, _noise
 FULL_SCALE = {"volts": 5.0, "millivolts": 5000.0}
 QUICK = 200, 8_000  # sound frames, damaged bytes, of each format
 FULL = 4_000, 10_000_000 // len(FORMATS)
-SUMS = {"words_with_a_sum": 8}  # bits
+SUMS = {"words_with_a_sum": 8, "slip_with_a_crc": 32, "cobs_with_a_crc": 16}  # bits
 UNBOUNDED = 300_000  # bytes that never form a frame, and
 MOST = 3_000_000  # bytes of memory that they may take
 

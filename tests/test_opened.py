@@ -9,6 +9,7 @@ import yaml
 from support.simulated import CIRCUIT, make_board, serving
 
 import tactile_skin
+from tactile_skin import opened
 
 pytestmark = pytest.mark.live
 
@@ -60,6 +61,16 @@ def test_without_a_frame_it_stops_and_says_so(tmp_path):
             while True:
                 skin.read(patience=0.5)
         assert skin.stop
+
+
+def test_a_board_that_the_opening_restarts_has_its_time(tmp_path, monkeypatch):
+    """Until its first frame; it was given up after the pause that a running board may make."""
+    monkeypatch.setattr(opened, "PATIENCE", 0.2)
+    link, board = tmp_path / "board", make_board()
+    scan, begins = board.scan, time.monotonic() + 1.0
+    board.scan = lambda: scan() if time.monotonic() > begins else b""
+    with serving(link, board), tactile_skin.open(str(link), config(tmp_path)) as skin:
+        assert np.shape(skin.read()[1]) == (4, 5)
 
 
 def test_a_frame_of_another_board_is_no_number(tmp_path):

@@ -277,7 +277,7 @@ class SerialReader:
             if silence > patience:
                 self._lost(self._unusable(port, heard, patience), port.name)
                 if last_frame == opened and len(self._ports()) == 1:  # others wait for their turn
-                    self._patience[port.name] = min(2.0 * patience, max(patience, LONGEST_BOOT))
+                    self._patience[port.name] = max(patience, LONGEST_BOOT)
                 return
             early = silence > _EARLY and self.connected_to is None and self.port != "auto"
             if early and heard >= look_at:  # to look costs more than to read: seldom

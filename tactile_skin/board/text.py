@@ -84,7 +84,7 @@ class TextFormat:
     first: int = about("the first {row}, {col} or {index}", 0, 0, 1)
     hexadecimal: bool = about("the numbers are, with or without 0x in front", False)
     full_scale: float = about(
-        "what is printed of an input at the supply; 0: 2^adc_bits - 1, ADC steps", 0.0, 0.0, 1e6
+        "what is printed of an input at the supply; 0: 2^adc_bits - 1, ADC steps", 0.0, 0.0, 2e7
     )
     request: str = about("what asks the board for a frame; empty: it sends by itself", "")
 

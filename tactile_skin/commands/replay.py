@@ -84,7 +84,7 @@ def run(args) -> int:
         skin = recorded_skin(files[0], config, namespace)
         return _export(files[0], args.export, skin, given)
     with tempfile.TemporaryDirectory(prefix="tactile_skin_") as folder:
-        paths = [_recording_of(path, Path(folder), config, given) for path in files]
+        paths = [recording_of(path, Path(folder), config, given)[0] for path in files]
         tasks = [Job(path, namespace, method, config or "") for path in paths]
         if len(files) > 1:
             return _fleet(dict(zip(files, tasks, strict=True)), args.compare or [], args.jobs)
@@ -121,16 +121,18 @@ def _one(methods: list[str], job: Job) -> Results | Compared | Exception:
         return error
 
 
-def _recording_of(path: str, folder: Path, config: str | None, given: dict) -> str:
+def recording_of(
+    path: str, folder: Path, config: str | None, given: dict
+) -> tuple[str, Frames | None]:
     """Return a recording: the file itself, or one that is made of a foreign file's frames."""
     if is_recording(path):
-        return path
+        return path, None
     skin = recorded_skin(path, config)
     frames = _frames(path, skin, given)
     _say_notes(path, supposed(frames, RATE))
     made = Path(tempfile.mkdtemp(dir=folder)) / f"{Path(path).stem}.mcap"
     to_recording(frames, made, skin, config, given.get("rate") or RATE, time.time_ns())
-    return str(made)
+    return str(made), frames
 
 
 def _frames(path: str, skin: SkinConfig, given: dict) -> Frames:

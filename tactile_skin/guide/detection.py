@@ -15,14 +15,15 @@ from ..calibration.tracker import PIN
 from ..health.doctor.advice import WIDTHS
 from ..middleware.config import skin_of
 from ..physics.readouts import DRIVEN, READOUTS
+from ..readings.scale import VOLTS
 from ..yaml_files import write_yaml
 
 SECONDS = 4.0  # s to listen at each rate: an Arduino that is opened is in its boot loader for 2
 _SAMPLE = 200  # characters of what arrives
 _USUAL_WIDTHS = (10, 12)  # bits of the ADCs of nearly all boards
 _SCALES = (
-    "1023 or 4095 of ADC steps or their means, 3.3 or 5 of volts, 3300 or 5000 of millivolts, 1 of "
-    "ratios; resistances and forces cannot be read: print what the ADC reads"
+    "1023 or 4095 of ADC steps or their means, 3.3 or 5 of volts, 3300 or 5000 of millivolts, 1 or "
+    "100 of ratios; resistances and forces cannot be read: print what the ADC reads"
 )
 _DIODE = 0.58  # V at 1 mA, of the commonest: a 1N4148 (data sheet)
 _R_REF = 1780  # ohm, of the paper's board
@@ -137,8 +138,20 @@ def _answers(seen: Seen, answers: dict, ask: Ask) -> dict:
         usual = f"{scale:g}" if (scale := _usual_scale(seen)) else ""
         brackets = f" [{usual}]" if usual else f" ({_SCALES})"
         about = f"what an input at the supply prints; largest so far {seen.largest:g}{brackets}: "
-        answers["full_scale"] = ask(about, lambda typed: _number("full_scale", typed or usual))
+        answers["full_scale"] = ask(about, lambda typed: _full_scale(seen, typed or usual))
+    elif not seen.adc_bits:
+        _full_scale(seen, f"{answers['full_scale']:g}")
     return answers
+
+
+def _full_scale(seen: Seen, text: str) -> float:
+    """Return what an input at the supply prints; ValueError: as decimals only resistances do."""
+    scale = _number("full_scale", text)
+    steps = any(scale in (2**bits - 1, 2**bits) for bits in WIDTHS)
+    volts = scale <= VOLTS or scale == 100.0 or 1e3 <= scale <= 1e3 * VOLTS
+    if seen.decimals and not (steps or volts):
+        raise ValueError(f"full_scale = {text}: must be {_SCALES}")
+    return scale
 
 
 def _wiring(typed: str) -> dict:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tell the cells of a table from its other columns: time, date, counter, label.
 
-A column is known by its name, or by what it does: it is text, rises by one, rises, repeats, takes
-few small values. Otherwise nothing is guessed.
+A column is known by its name, or by what it does: it is text, rises by one, rises, repeats.
+Otherwise nothing is guessed.
 """
 
 from __future__ import annotations
@@ -15,8 +15,6 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-
-from ..readings.labels import reads_below
 
 MOST = 4  # columns of a line that are no cells
 _UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -36,10 +34,11 @@ _COUNTER = re.compile(
     re.IGNORECASE,
 )
 _LABEL = re.compile(
-    r"label|class|^cls$|target|posture|pose|gesture|activity|subject|person|user|category|^y$|"
-    r"^rows?$|^lines?$",
+    r"label|class|^cls$|target|posture|pose|gesture|activity|category|^y$|^rows?$|^lines?$|"
+    r"subject|person|user|participant",
     re.IGNORECASE,
 )
+_PERSON = re.compile(r"subject|person|user|participant", re.IGNORECASE)
 # How days and times of day are written, as strptime has it, with any of -/. and one blank between.
 _DAYS = ("%Y %m %d", "%d %m %Y", "%m %d %Y", "")
 _CLOCKS = ("%H:%M:%S", "%H:%M", "%I:%M:%S %p", "%I:%M %p", "")
@@ -55,13 +54,6 @@ _SHORTEST = 0.9e-3  # s between two frames, where nothing says the unit of their
 _LONGEST = 4.0  # the same
 _MOSTLY = 0.9  # share of a column's lines that show what it does
 _RISES = 0.95  # the same of a time, which may be set back
-_CLASSES = 20  # different values of a label
-_LARGEST_LABEL = 50
-_SELDOM = 0.1  # share of the lines in which a label changes
-# Weight of what shows that a column is no cell.
-_NAMED = 2.0
-_LIKELY = 1.0
-_CONSTANT = 0.5
 _REPEATED = 0.2  # share of a time's steps that are 0 where its clock is coarser than the frames
 
 
@@ -85,6 +77,13 @@ class Column(NamedTuple):
         return bool(self.words) and bool(np.isnan(self.numbers).mean() > 1.0 - _MOSTLY)
 
 
+def texts(column: Column) -> np.ndarray:
+    """Return (n,) what a column of labels says of each line; empty: nothing."""
+    if column.is_text:
+        return np.array(column.words, object)
+    return np.array([f"{n:g}" * (n == n) for n in column.numbers.tolist()], object)
+
+
 class Split(NamedTuple):
     """Where the cells of a table are."""
 
@@ -104,22 +103,17 @@ def split(column: Callable[[int], Column], width: int, cells: int, cycle: int = 
     others = width - cells
     if not others:
         return Split(0, [])
-    typical = np.array([_median(column(k).numbers) for k in range(width)])
-    ends = {k: column(k) for k in (*range(others), *range(cells, width))}
-    found: list[tuple[float, Split]] = []
+    ends = {k: _role(column(k), cycle) for k in (*range(others), *range(cells, width))}
+    found: list[Split] = []
     for front in range(others + 1):
-        outside = [*range(front), *range(front + cells, width)]
-        level = float(np.quantile(np.delete(typical, outside), 0.1))
-        seen = [role for k in outside if (role := _role(ends[k], cycle, level))]
-        if len(seen) == others:
-            found.append((sum(weight for _, weight in seen), Split(front, [r for r, _ in seen])))
-    if not found:
+        roles = [role for k in (*range(front), *range(front + cells, width)) if (role := ends[k])]
+        if len(roles) == others:
+            found.append(Split(front, roles))
+    if not found or (
+        len(found) > 1 and (found[-1].front < others or Role.LABEL in found[-1].roles)
+    ):
         return None
-    best = max(weight for weight, _ in found)
-    likely = [each for weight, each in found if weight == best]
-    if len(likely) > 1 and (likely[-1].front < others or Role.LABEL in likely[-1].roles):
-        return None
-    return likely[-1]  # of two that rise, the time is in front
+    return found[-1]  # of two that rise, the time is in front
 
 
 def named(names: Sequence[str], rows: int, cols: int) -> list[int]:
@@ -153,30 +147,19 @@ def named(names: Sequence[str], rows: int, cols: int) -> list[int]:
     return [places[k] for k in np.lexsort(numbers.T[::-1])]
 
 
-def _median(values: np.ndarray) -> float:
-    return 0.0 if np.isnan(values).all() else float(np.nanmedian(values))
-
-
-def _role(column: Column, cycle: int, level: float) -> tuple[Role, float] | None:
-    """Return what the column is, and the weight of what shows it; cells read `level` at least."""
+def _role(column: Column, cycle: int) -> Role | None:
+    """Return what the column is; None: a cell, maybe."""
     values = column.numbers[: _used(column)]
     steps = np.diff(values)
-    one = counts(values)
-    if named := role_by_name(column.name, one):
-        return named, _NAMED
+    if named := role_by_name(column.name, counts(values)):
+        return named
     if column.is_text:
-        dated = stamps(column.words[: len(values)]) is not None
-        return Role.TIME if dated else Role.LABEL, _NAMED
+        return Role.LABEL if stamps(column.words[: len(values)]) is None else Role.TIME
     if not len(values) or np.isnan(values).any():
         return None
-    whole = (values == np.rint(values)).all()
-    if cycle > 1 and whole and (repeated := _role_by_lines(values, cycle)):
-        return repeated, _NAMED
-    if len(steps) > 1 and (steps > 0.0).mean() >= _RISES:
-        return Role.TIME, _NAMED
-    if whole and (weight := _weight_of_label(values, level)):
-        return Role.LABEL, weight
-    return None
+    if cycle > 1 and (values % 1 == 0).all() and (repeated := _role_by_lines(values, cycle)):
+        return repeated
+    return Role.TIME if len(steps) > 1 and (steps > 0.0).mean() >= _RISES else None
 
 
 def counts(values: np.ndarray) -> bool:
@@ -207,18 +190,6 @@ def _role_by_lines(values: np.ndarray, cycle: int) -> Role | None:
     if len(lines) > 1 and not within.any() and (np.diff(lines[:, 0]) > 0).all():
         return Role.COUNTER
     return None
-
-
-def _weight_of_label(values: np.ndarray, level: float) -> float | None:
-    """Return the weight of what shows that (n,) integers are a label; None: of a cell, maybe."""
-    few = len(np.unique(values)) <= min(_CLASSES, max(len(values) // 3, 1))
-    if not few or values.min() < -1.0 or values.max() > _LARGEST_LABEL:
-        return None
-    changes = np.diff(values) != 0.0
-    if not changes.any():
-        return _CONSTANT
-    seldom = changes.mean() < _SELDOM
-    return _LIKELY if seldom or reads_below(values, level) else None
 
 
 def _used(column: Column) -> int:
@@ -259,6 +230,16 @@ def times(columns: list[Column], notes: list[str], places: list[str]) -> np.ndar
         rest = [c.numbers for c in columns if whole and unit_of(c.name) == "ns"]
         return column.numbers * _UNITS[unit] + (rest[0] % 1e9 * _UNITS["ns"] if rest else 0.0)
     return None
+
+
+def is_label_name(name: str) -> bool:
+    """Return whether a name is that of classes, or of who made them."""
+    return bool(_LABEL.search(name))
+
+
+def is_person(name: str) -> bool:
+    """Return whether a name of labels is that of people."""
+    return bool(_PERSON.search(name))
 
 
 def is_time_name(name: str) -> bool:

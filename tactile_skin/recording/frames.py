@@ -19,7 +19,7 @@ from ..physics.circuit import Circuit
 from ..readings.processed import processed, sample_of
 from ..readings.scale import Numbers, scale_of, without_sentinel
 from . import columns
-from .columns import Column, is_time_name, spread
+from .columns import Column, is_label_name, is_time_name, spread
 from .lines import read_text
 from .reader import Recording
 from .tables import Found, Rows, by_part, frames_of, keep
@@ -120,7 +120,7 @@ def read_frames(
             raise
         found = _read(path, kind, circuit)  # as it is exported, without these lines
     found.values = part.of(found.values) if part else found.values
-    frames = Frames(found.values, found.times, found.notes, found.lost, found.rate, str(path))
+    frames = Frames(**vars(found), path=str(path))
     return _timed(_scaled(frames, circuit, full_scale), rate)
 
 
@@ -266,6 +266,9 @@ def _of_numpy(path, data: bytes, kind: str, circuit: Circuit) -> Found:
     elif timed:
         name, times = next(iter(timed.items()))
         raise FileError(f"{path}: {name} has shape {times.shape}: must be {found.values.shape[:1]}")
+    for name, array in others.items():
+        if is_label_name(name) and array.shape == found.values.shape[:1]:
+            found.labels[name] = columns.texts(_column(name, array))
     return found
 
 
@@ -277,7 +280,7 @@ def _arrays(path, data: bytes, kind: str) -> dict[str, np.ndarray]:
             return {"": loaded}
         if not loaded.files:
             raise ValueError("holds no array")
-        known = [k for k in loaded.files if k == "frames" or is_time_name(k)]
+        known = [k for k in loaded.files if k == "frames" or is_time_name(k) or is_label_name(k)]
         return {name: loaded[name] for name in (known if "frames" in known else loaded.files)}
     except Exception as error:  # of whatever bytes
         if "Object arrays" in str(error) or data[:1] == _PICKLED:
@@ -357,6 +360,7 @@ def _rise(found: Frames) -> None:
             found.notes.append(f"it begins again {again} times: must be a file for each part")
         found.lost += int((~good).sum())
     found.values, found.times = keep(found.values, np.flatnonzero(good)), times[good]
+    found.labels = {name: each[good] for name, each in found.labels.items()}
     steps = np.diff(found.times)
     if steps.sum() > 365.0 * columns.DAY:
         raise FileError(

@@ -17,6 +17,7 @@ import numpy as np
 from ..errors import FileError
 from ..files import decode, read_bytes, shorten
 from ..physics.circuit import Circuit
+from .columns import Column, times
 from .gathered import Gathered, Line
 from .tables import ABSENT, Found, frames_of, headed, number
 
@@ -31,6 +32,12 @@ _UNIT = re.compile(r"^[#\s]*units?\b[^:=]*[:=\s]\s*(.*)$", re.IGNORECASE)
 # Units that no ADC has, of systems that were calibrated.
 _PRESSURE = re.compile(r"n/(cm|mm|m)|k?pa$|mmhg|psi|kg|mbar|bar$|newton", re.IGNORECASE)
 _NAME = re.compile(r'(?<![\w"])"?([A-Za-z_][\w .]*)"?\s*[:=]')  # of a number
+# The time in a heading above the rows of a frame, and its unit.
+_TIMED = re.compile(
+    r"(?<![a-z])(timestamp|time|millis|micros|elapsed|t)[ _]*[\[(]?([a-z]*)[\])]?\s*[:=]\s*"
+    r"(\d+\.?\d*)(?![\d:/-])\s*([mun]?s\b)?",
+    re.IGNORECASE,
+)
 _RATE = re.compile(
     r"(seconds?[ _]per[ _]frame)|fps|frames?[ _](?:rate|per[ _]second)|sampl\w+[ _](?:rate|freq)",
     re.IGNORECASE,
@@ -57,7 +64,7 @@ def read_text(blocks: Blocks, circuit: Circuit) -> Found:
     form = _form(blocks)
     width = _usual(islice(_sorted(blocks, form), _SAMPLE))
     while True:
-        gathered, passed, rate = _gather(blocks, form, width)
+        gathered, passed, rate, stated = _gather(blocks, form, width)
         if not gathered.widths:
             lines = (line for block in blocks() for line in block if line.strip())
             first = next((f": the first is {shorten(line)}" for line in lines), "")
@@ -88,7 +95,20 @@ def read_text(blocks: Blocks, circuit: Circuit) -> Found:
         if dropped:
             notes.append(f"{dropped} lines {why} (the first: line {min(at)})")
     found.notes[:0], found.rate = notes, rate
+    if found.times is None:
+        found.times = _times(stated, found)
     return found
+
+
+def _times(stated: dict[int, re.Match[str]], found: Found) -> np.ndarray | None:
+    """Return (n,) times [s] of frames by the headings above them, if there they rise; else None."""
+    said = np.array([float(time[3]) for time in stated.values()])
+    if len(said) < 2 or not (np.diff(said) > 0.0).all():
+        return None
+    name, unit, _, behind = next(iter(stated.values())).groups()
+    above = np.searchsorted(np.array([*stated]), found.lines) - 1
+    column = Column(f"time_{name}_{behind or unit}", np.where(above < 0, np.nan, said[above]))
+    return times([column], found.notes, ["what the headings say"])
 
 
 def _usual(lines: Iterable[Line]) -> int:
@@ -100,9 +120,12 @@ def _usual(lines: Iterable[Line]) -> int:
     return weight.most_common(1)[0][0]
 
 
-def _gather(blocks: Blocks, form: _Form, width: int) -> tuple[Gathered, array[int], float | None]:
-    """Return the lines of numbers, the numbers of those of text, and the rate in their head."""
+def _gather(
+    blocks: Blocks, form: _Form, width: int
+) -> tuple[Gathered, array[int], float | None, dict[int, re.Match[str]]]:
+    """Return lines of numbers, those of text by number, the rate in their head, and their times."""
     gathered, passed, header, rate = Gathered(width), array("i"), [], None
+    stated: dict[int, re.Match[str]] = {}
     for line in _sorted(blocks, form):
         if line.is_text:
             _check_unit(line)
@@ -110,9 +133,11 @@ def _gather(blocks: Blocks, form: _Form, width: int) -> tuple[Gathered, array[in
                 rate = _rate(" ".join(line.words)) or rate
             passed.append(line.number)
             header = line.words
+            if time := _TIMED.search(" ".join(header)):
+                stated[line.number] = time
         else:
             gathered.add(line, header)
-    return gathered, passed, rate
+    return gathered, passed, rate, stated
 
 
 def _rate(head: str) -> float | None:

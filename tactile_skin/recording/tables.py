@@ -82,6 +82,9 @@ class Found:
     notes: list[str] = field(default_factory=list)
     lost: int = 0  # frames that were dropped
     rate: float | None = None  # frames a second that its head says
+    lines: np.ndarray = field(default_factory=lambda: np.zeros(0, int))  # (n,) that begin frames
+    # name -> (n,) texts of a column that says whose, or of what, each frame is
+    labels: dict[str, np.ndarray] = field(default_factory=dict)
 
 
 class _Layout(NamedTuple):
@@ -169,6 +172,7 @@ def frames_of(table: Rows, circuit: Circuit) -> Found:
             f"{blind.sum()} lines in which no crossing was read: dropped (the first: line {at})"
         )
     found = Found(_frames(numbers, lines[good].ravel(), layout, circuit), None, notes)
+    found.lines = table.numbered[first[good]]
     found.lost = int(bad.sum() + blind.sum()) + -(-lost // layout.lines)
     if absent := int(by_part(lambda part: np.isnan(part).sum((1, 2)), found.values).sum()):
         notes.append(f"{absent} fields without a number: taken as not read")
@@ -312,9 +316,14 @@ def _describe_others(others: list[tuple[Column, Role | None, str]], found: Found
         if role not in (Role.TIME, None):
             what = "counts" if role is Role.COUNTER else "is a label"
             found.notes.append(f"{place} {what}: passed over")
-        if role is Role.LABEL and len(seen := list(dict.fromkeys(filter(None, column.words)))) > 1:
+        if role is not Role.LABEL:
+            continue
+        found.labels[column.name or place] = columns.texts(column)
+        seen = list(dict.fromkeys(filter(None, column.words)))
+        if len(seen) > 1 and not columns.is_person(column.name):
             words = f"{len(seen)} labels, {', '.join(map(shorten, seen[: columns.MOST]))}"
-            found.notes.append(f"{words}{' ...' * (len(seen) > columns.MOST)}: a file for each?")
+            more = " ..." * (len(seen) > columns.MOST)
+            found.notes.append(f"{words}{more}: `tactile-skin gestures record` makes takes of each")
     if timed := [(column, place) for column, role, place in others if role is Role.TIME]:
         found.times = columns.times([c for c, _ in timed], found.notes, [p for _, p in timed])
 

@@ -5,8 +5,10 @@ import re
 
 import numpy as np
 import pytest
+import yaml
+from support.simulated import make_board
 
-from tactile_skin import cli
+from tactile_skin import Circuit, cli
 from tactile_skin.commands.gestures import record
 from tactile_skin.learning.hands import simulated
 from tactile_skin.middleware.bus import Time
@@ -88,7 +90,9 @@ def test_few_takes_and_absent_ones_are_mistakes_that_are_named(takes, tmp_path, 
         (["train", str(tmp_path / "absent"), "--out", out], "absent: does not exist"),
         (["evaluate", str(one)], "takes of two gestures at least"),
         (["record", "a/b"], "NAME 'a/b': must be of letters"),
+        (["record", "a.mcap"], "NAME 'a.mcap': must be of letters"),
         (["record", "stroke", "--times", "0"], "--times 0: must be 1 or more"),
+        (["record", "hold", "a.mcap", "config:=b"], "config: of a file, only namespace:= is taken"),
     ):
         assert cli.main(["gestures", *words]) == 2
         assert said in capsys.readouterr().err
@@ -123,10 +127,47 @@ def test_each_touch_of_a_recording_is_a_take(words, tmp_path, capsys):
     assert all(take.pictures.max() == pytest.approx(2.0) for take in map(load_take, out.iterdir()))
 
 
-def test_what_says_how_a_live_skin_runs_is_refused_with_a_recording(tmp_path, capsys):
-    words = ["a.mcap", "config:=mine.yaml", "--out", str(tmp_path)]
-    assert cli.main(["gestures", "record", "hold", *words]) == 2
-    assert "config: of the live skin" in capsys.readouterr().err
+@pytest.fixture(scope="module")
+def labelled(tmp_path_factory):
+    """Three presses and three strokes of two people in one table, and the skin's configuration."""
+    folder, circuit = tmp_path_factory.mktemp("labelled"), Circuit(8, 8, r_ref=4700.0)
+    board, rng = make_board(circuit=circuit), np.random.default_rng(0)
+    path = folder / "mine.yaml"
+    given = {"circuit": {"rows": 8, "cols": 8, "r_ref": 4700.0}, "geometry": {"shape": "plane"}}
+    path.write_text(yaml.safe_dump({"/**": {"ros__parameters": given}}))
+    lines = ["time_s,gesture,subject," + ",".join(f"s_{k}" for k in range(64))]
+    for k in range(400):
+        force, (part, at) = np.zeros((8, 8)), divmod(k - 40, 60)
+        name = "" if part < 0 else ("press", "stroke")[part % 2]
+        if part >= 0 and at < 25:
+            place = 3 if name == "press" else at // 6
+            force[3:5, place : place + 2] = 3.0
+        steps = 1023 * board.matrix.ratio(force[None])[0] + 0.4 * rng.standard_normal((8, 8))
+        words = [f"{k / 20:.3f}", name or "none", "ab"[k >= 220]]
+        lines.append(",".join([*words, *map(str, np.rint(steps).astype(int).ravel())]))
+    (folder / "table.csv").write_text("\n".join(lines))
+    return folder / "table.csv", path
+
+
+def test_a_labelled_table_is_takes_of_each_of_its_classes(labelled, tmp_path, capsys):
+    table, config = labelled
+    words = [str(table), f"config:={config}", "--out", str(tmp_path)]
+    assert cli.main(["gestures", "record", *words]) == 0
+    said = capsys.readouterr()
+    assert "3 takes of press in" in said.out and "3 takes of stroke in" in said.out
+    found = [load_take(path) for path in tmp_path.iterdir()]
+    named = {(take.label, take.person) for take in found}
+    assert named == {(name, person) for name in ("press", "stroke") for person in "ab"}
+    assert all(take.period * len(take.pictures) == pytest.approx(1.25, abs=0.2) for take in found)
+    assert cli.main(["gestures", "record", "poke", *words]) == 2
+    assert "must be one of its labels, none, press, stroke" in capsys.readouterr().err
+
+
+def test_a_recogniser_is_trained_from_a_labelled_table(labelled, tmp_path):
+    table, config = labelled
+    words = ["--alone", "--config", str(config), "--out", str(tmp_path / "model.npz")]
+    assert cli.main(["gestures", "train", str(table), *words]) == 0
+    assert load_model(tmp_path / "model.npz").about["takes"] == {"press": 3, "stroke": 3}
 
 
 def test_a_take_is_over_when_the_skin_is_left_alone():

@@ -184,6 +184,10 @@ def test_no_scale_is_proposed_for_numbers_that_may_be_resistances(
     ohm = np.random.default_rng(4).uniform(9_000.0, 11_000.0, (30, 64)) * kilo
     (tmp_path / "bytes.bin").write_text("\n".join(",".join(map(form.format, r)) for r in ohm))
     monkeypatch.chdir(tmp_path)
+    if kilo < 1.0:
+        words = ["rows:=8", "cols:=8", "r_ref:=1780", "readout:=floating", "full_scale:=12"]
+        assert main(["detect", "bytes.bin", *words]) == 2
+        assert "full_scale = 12: must be 1023 or 4095 of ADC steps" in capsys.readouterr().err
     monkeypatch.setattr("sys.stdin", io.StringIO("8 x 8\nfloating\n1780\n\n"))
     assert main(["detect", "bytes.bin"]) == 2
     said = capsys.readouterr()

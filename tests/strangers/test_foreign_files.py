@@ -35,9 +35,7 @@ def line(frame, separator=",") -> str:
 CLOCK = np.datetime64("2024-05-01T09:30:00.000")
 AROUND = {  # line, its number -> as it is printed; and the interval that its times show [s]
     "an index in front": (lambda words, k: f"{k},{words}", None),
-    "a class behind": (lambda words, k: f"{words},{k // 50 % 4}", None),
     "a word behind": (lambda words, k: f"{words},{['sit', 'stand'][k // 60 % 2]}", None),
-    "both": (lambda words, k: f"{k},{words},{k // 50 % 4}", None),
     "ms in front": (lambda words, k: f"{120_000 + 50 * k},{words}", 0.05),
     "the clock of a serial monitor": (
         lambda words, k: f"{str(CLOCK + np.timedelta64(50 * k, 'ms'))[11:]} -> {words}",
@@ -82,6 +80,17 @@ def test_a_column_that_is_no_cell_is_known_by_what_it_does(kind, tmp_path, steps
         assert np.diff(found.times) == pytest.approx(np.full(N - 1, interval), rel=1e-3)
 
 
+def test_classes_are_numbers_that_a_header_names(tmp_path, steps):
+    """Few small numbers may be a cell's: what they are is asked."""
+    lines = [f"{k},{line(frame)},{k // 50 % 4}" for k, frame in enumerate(steps)]
+    with pytest.raises(ValueError, match="name them in a header"):
+        read_frames(text(tmp_path / "a.csv", lines), CIRCUIT)
+    header = ",".join(["", *[f"s{k}" for k in range(64)], "posture"])
+    found = read_frames(text(tmp_path / "a.csv", [header, *lines]), CIRCUIT)
+    np.testing.assert_array_equal(found.values, steps)
+    assert {*found.labels["posture"]} == {"0", "1", "2", "3"}
+
+
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
 def test_a_byte_order_mark_says_the_encoding(encoding, tmp_path, steps):
     lines = "\r\n".join(map(line, steps))
@@ -95,6 +104,7 @@ def test_a_row_less_costs_one_frame_where_each_has_a_heading(tmp_path, steps):
     lines = [each for frame in frames for each in frame]
     found = read_frames(text(tmp_path / "a.csv", lines), CIRCUIT)
     np.testing.assert_array_equal(found.values, np.delete(steps, 7, 0))
+    assert found.times == pytest.approx(0.05 * np.delete(np.arange(N), 7))
 
 
 def test_null_is_not_read(tmp_path, steps):
@@ -138,13 +148,18 @@ def test_an_array_of_another_shape(kind, tmp_path, steps):
     np.testing.assert_array_equal(read_frames(tmp_path / "a.npy", CIRCUIT).values, steps)
 
 
-def test_blocks_of_rows_with_a_heading_each(tmp_path, steps):
-    lines = []
-    for k, frame in enumerate(steps):
-        lines += [f"Frame: {k}", f"Time: {0.05 * k:.2f}", *map(line, frame), ""]
-    found = read_frames(text(tmp_path / "a.csv", lines), CIRCUIT)
+@pytest.mark.parametrize("head", ["Time: {}.{:03} s", "time (ms) = {}{:03}", "# t={}{:03}"])
+def test_blocks_of_rows_with_a_heading_each(head, tmp_path, steps):
+    """Their times are those of the frames below; what does not rise is none."""
+    blocks = [
+        "\n".join([f"Frame: {k}", head.format(*divmod(50 * k, 1000)), *map(line, frame), ""])
+        for k, frame in enumerate(steps)
+    ]
+    found = read_frames(text(tmp_path / "a.csv", blocks), CIRCUIT)
     np.testing.assert_array_equal(found.values, steps)
-    assert found.times is None
+    assert found.times == pytest.approx(0.05 * np.arange(N))
+    path = text(tmp_path / "a.csv", blocks[1:] + blocks[:1])
+    assert read_frames(path, CIRCUIT).times is None
 
 
 def test_zeros_at_the_end_were_never_written(tmp_path, steps):

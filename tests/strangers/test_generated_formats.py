@@ -4,8 +4,6 @@
 What is recognised in the rest reads each frame under the touches, or says that it is not sure.
 """
 
-import struct
-import zlib
 from dataclasses import replace
 
 import numpy as np
@@ -29,15 +27,6 @@ def packed(values, bits: int) -> bytes:
     return int(text, 2).to_bytes(len(text) // 8, "big")
 
 
-def crc8(data: bytes) -> int:
-    crc = 0
-    for byte in data:
-        crc ^= byte
-        for _ in range(8):
-            crc = (crc << 1 ^ (7 if crc & 128 else 0)) & 255
-    return crc
-
-
 WORDS = {  # name -> (bits of the ADC, the bytes of readings)
     "u8": (8, lambda v: v.astype("u1").tobytes()),
     **{
@@ -46,18 +35,50 @@ WORDS = {  # name -> (bits of the ADC, the bytes of readings)
         for bits in (10, 12, 16)
     },
 }
-NO_WORDS = {  # that no description reads
+WORDS |= {
     "10 bits, packed": (10, lambda v: packed(v, 10)),
     "12 bits, packed": (12, lambda v: packed(v, 12)),
+    "12 bits, lowest first": (12, lambda v: packed(v[::-1], 12)[::-1]),
+    "10 bits, lowest first": (10, lambda v: packed(v[::-1], 10)[::-1]),
     "u24le": (16, lambda v: v.astype("<u4").view("u1").reshape(-1, 4)[:, :3].tobytes()),
     "u24be": (16, lambda v: v.astype(">u4").view("u1").reshape(-1, 4)[:, 1:].tobytes()),
 }
+
+
 SUMS = {name: lambda data, name=name: check_of(name, data) for name in CHECKS}
-NO_SUMS = {
-    "": lambda data: b"",
-    "crc8": lambda data: bytes([crc8(data)]),
-    "crc32": lambda data: struct.pack("<I", zlib.crc32(data)),
-}
+NO_SUMS = {"": lambda data: b"", "of its own": lambda data: bytes([7 * sum(data) + 13 & 255])}
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "check"),
+    [
+        ("crc8", b"123456789", "F4"),
+        ("modbus", b"123456789", "37 4B"),
+        ("crc32be", b"123456789", "CB F4 39 26"),
+        ("fletcher16be", b"abcdefgh", "06 27"),
+    ],
+)
+def test_checks_are_those_of_their_published_values(name, data, check):
+    assert check_of(name, data) == bytes.fromhex(check)
+
+
+def slip(data: bytes) -> bytes:
+    return data.replace(b"\xdb", b"\xdb\xdd").replace(b"\xc0", b"\xdb\xdc") + b"\xc0"
+
+
+def cobs(data: bytes) -> bytes:
+    found = b""
+    for k, part in enumerate(parts := data.split(b"\0")):
+        while len(part) >= 254:
+            found += b"\xff" + part[:254]
+            part = part[254:]
+            if not part and k == len(parts) - 1:
+                return found + b"\0"
+        found += bytes([len(part) + 1]) + part
+    return found + b"\0"
+
+
+ESCAPES = {"slip": slip, "twice": lambda data: b"\xc0" + slip(data), "cobs": cobs}
 HEADS = {
     "FF FF": lambda k: b"\xff\xff",
     "AA 55": lambda k: b"\xaa\x55",
@@ -80,71 +101,50 @@ def pictures(bits: int, level: int, seed: int) -> np.ndarray:
     return np.clip(read, 0, 2**bits - 1).astype(int)
 
 
-def judged(data: list[bytes], right: np.ndarray, bits: int, known) -> tuple[bool, bool, bool]:
-    """(whether all frames are read by what is recognised in the rest, sure, recognised)."""
+def judged(data: list[bytes], right: np.ndarray, bits: int, known) -> tuple[bool, bool]:
+    """(whether all frames are read by what is recognised in the rest, whether that is sure)."""
     seen = recognise(b"".join(data[:60])[CUT:], known)
     if not seen.protocol or seen.cells != CELLS:
-        return False, seen.sure, bool(seen.protocol)
+        return False, seen.sure
     fmt = replace(seen.format, full_scale=0.0)
     parser = make_parser(seen.protocol, *SHAPE, bits, fmt)
     frames = parser.feed(b"".join(data)[CUT:])
     read = np.array([frame.samples.ravel() for frame in frames]) / 2 ** (16 - bits)
     wanted = right[1 : 1 + len(read)]
     whole = len(read) >= len(right) - 2 and np.array_equal(read, wanted)
-    return whole, seen.sure, True
+    return whole, seen.sure
 
 
-def sent(rng, word: str, check: str, level: int, seed: int):
-    bits, make = (WORDS | NO_WORDS)[word]
+def sent(rng, word: str, check: str, level: int, seed: int, escape: str = ""):
+    bits, make = WORDS[word]
     head, tail = HEADS[rng.choice(list(HEADS))], TAILS[rng.integers(len(TAILS))]
     right, data = pictures(bits, level, seed), []
     for k, picture in enumerate(right):
-        body = head(k) + make(picture)
-        data.append(body + (SUMS | NO_SUMS)[check](body) + tail)
+        body = (b"" if escape and seed % 2 else head(k)) + make(picture)
+        body += (SUMS | NO_SUMS)[check](body)
+        data.append(ESCAPES[escape](body) if escape else body + tail)
     return data, right, bits
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("word", WORDS)
-def test_packets_with_a_check_lose_no_frame_under_a_touch(word, seed):
-    """That of a sum, whose high byte is 0 at rest, may be a reading's or an end's: not sure."""
-    rng = np.random.default_rng(100 * seed + list(WORDS).index(word))
-    counted = {known: np.zeros(2) for known in (None, SHAPE)}
-    levels = LEVELS[seed % 2 :: 2]
-    for level in levels:
-        data, right, bits = sent(rng, word, rng.choice(list(SUMS)), level, seed)
-        for known, count in counted.items():
-            whole, sure, _ = judged(data, right, bits, known)
-            assert whole or not sure, (level, known)
-            count += whole, sure
-    shares = {known: count / len(levels) for known, count in counted.items()}
-    print(f"\n{word}: right and sure, {shares}")
-    assert shares[SHAPE].min() >= 0.75
-    assert shares[None][0] >= 0.75
+def test_of_eighty_formats_nine_in_ten_are_right_and_none_is_wrong_and_sure(seed):
+    """Packets by chance, one in eight without a check, or with one of its own: never sure.
 
-
-@pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("word", [*WORDS, *NO_WORDS])
-def test_what_no_check_proves_is_never_sure(word, seed):
-    """Frames without a check, or with one that is not known, are read all the same."""
-    rng, good, levels = np.random.default_rng(200 * seed), 0, LEVELS[seed % 3 :: 3]
-    for level in levels:
-        data, right, bits = sent(rng, word, rng.choice(list(NO_SUMS)), level, seed)
-        whole, sure, found = judged(data, right, bits, SHAPE)
-        assert not sure
-        assert word in WORDS or not found
-        good += whole
-    print(f"\n{word}: right {good} of {len(levels)}")
-    assert good >= 0.6 * len(levels) or word in NO_WORDS
-
-
-@pytest.mark.parametrize("word", NO_WORDS)
-def test_a_check_proves_no_words_that_no_description_has(word):
-    rng = np.random.default_rng(7)
-    for level in LEVELS[::3]:
-        for known in (None, SHAPE):
-            data, right, bits = sent(rng, word, rng.choice(list(SUMS)), level, 1)
-            assert not judged(data, right, bits, known)[1], (level, known)
+    Without the cells the high byte of a sum, which is 0 at rest, may be a reading's or an end's.
+    """
+    rng, count = np.random.default_rng(59 + seed), {None: np.zeros(2), SHAPE: np.zeros(2)}
+    for k in range(80):
+        word, level = str(rng.choice(list(WORDS))), int(rng.choice(LEVELS))
+        check = str(rng.choice(list(SUMS if k % 8 else NO_SUMS)))
+        escape = str(rng.choice(["", "", *ESCAPES]))
+        data, right, bits = sent(rng, word, check, level, k, escape)
+        for known, counted in count.items():
+            whole, sure = judged(data, right, bits, known)
+            assert (whole and check in SUMS) or not sure, (k, word, level, check, escape, known)
+            counted += whole, sure
+    print(f"\nright and sure of 80: {count}")
+    assert count[SHAPE][0] >= 0.92 * 80 and count[SHAPE][1] >= 0.75 * 80
+    assert count[None][0] >= 0.75 * 80
 
 
 def test_a_few_bytes_of_packed_readings_are_never_sure_to_be_readings():
@@ -160,8 +160,7 @@ def test_packets_whose_bytes_can_be_printed_are_no_text(check, level):
     right = pictures(8, level, 3)
     bodies = [b"\xaa\x55" + WORDS["u8"][1](picture) for picture in right]
     data = [body + (SUMS | NO_SUMS)[check](body) for body in bodies]
-    whole, sure, found = judged(data, right, 8, None)
-    assert whole and found and sure == bool(check)
+    assert judged(data, right, 8, None) == (True, bool(check))
 
 
 TEXTS = {  # how a number is printed

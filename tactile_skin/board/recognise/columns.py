@@ -5,16 +5,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...readings.labels import reads_below
-
 FEW = 4  # whole frames, at least, in a sample that makes sure
 STEADY = 0.95  # share of the steps of a counter that go up, or on by one
 _LONGEST_CYCLE = 4096  # cells of a frame
 _RISING = 8  # lines from which on chance makes no number rise all the time
 _MOST_IN_FRONT = 3  # numbers in front of readings, or behind them, that are none
 EVEN = 0.5  # rows over columns of most boards, at least
+_CLASSES = 12  # numbers below it, and below all readings, may be classes
 _JUMPS = 2.0  # times as far as those of the other cells jumps what is no reading
-_CLASSES = 12  # different values, at most, of a last number that may be a class
 
 
 def cycle(column: np.ndarray) -> int:
@@ -141,7 +139,11 @@ def may_be_less(values: np.ndarray) -> bool:
         if constant[at]:
             if not (inner[:, constant[k:-k]] == column[:1]).any():
                 return True
-        elif jumps[at] > _JUMPS * max(jumps[k:-k].max(), 1.0) or _derived(column, others):
+        elif (
+            jumps[at] > _JUMPS * max(jumps[k:-k].max(), 1.0)
+            or _derived(column, others)
+            or column.max() < min(inner.min(), _CLASSES)
+        ):
             return True
     return False
 
@@ -167,9 +169,7 @@ def _is_none(column: np.ndarray, readings: np.ndarray) -> bool:
         return True
     if (column == column[0]).all() and not (readings == readings[0]).all(0).any():
         return True
-    if (column % 1).any() and not (readings % 1).any():
-        return True
-    return _class(column) and reads_below(column, np.median(readings, axis=0).min())
+    return bool((column % 1).any() and not (readings % 1).any())
 
 
 def more_behind(values: np.ndarray, cells: int) -> tuple[int, bool]:
@@ -183,19 +183,10 @@ def more_behind(values: np.ndarray, cells: int) -> tuple[int, bool]:
         return 0, True
     if _rises(last) or np.allclose(values[:, :-1].sum(1), last):
         return 1, len(values) > _RISING
-    others = np.median(values[:, :-1], axis=0)
-    least = max(others[others > 0.0].min(initial=np.inf), _CLASSES)  # a quiet cell is seldom it
-    if not _class(last) or min(np.median(others), least) <= last.max():
-        return 0, True
-    return int(sides(n - 1)[0] * sides(n)[1] > sides(n)[0] * sides(n - 1)[1]), False
+    return 0, True
 
 
 def sides(cells: int) -> tuple[int, int]:
     """Return the (rows, columns) of so many cells whose shape is nearest to a square."""
     rows = next(n for n in range(int(cells**0.5), 0, -1) if cells % n == 0)
     return rows, cells // rows
-
-
-def _class(columns: np.ndarray) -> bool:
-    """Whether the last numbers of lines are names of something: few different whole numbers."""
-    return bool((columns % 1 == 0).all() and len(np.unique(columns)) <= _CLASSES)

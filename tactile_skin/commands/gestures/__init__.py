@@ -12,10 +12,13 @@ Gestures of your own: record some takes of each, train, and run the skin with th
 examples:
   tactile-skin gestures record wave port:=/dev/ttyUSB0 config:=mine.yaml --person anna --times 5
   tactile-skin gestures record stroke touches.mcap --person ben
+  tactile-skin gestures record labelled.csv config:=mine.yaml
   tactile-skin gestures train takes/ --out mine.gestures.npz
   tactile-skin gestures evaluate takes/
 then, in mine.yaml, gestures.model: mine.gestures.npz, and
   tactile-skin launch skin.launch.yaml port:=/dev/ttyUSB0 config:=mine.yaml gestures:=true"""
+
+_TAKES = "files, folders of them, or with --config tables that hold a column of labels"
 
 
 def register(parser) -> None:
@@ -31,14 +34,18 @@ def register(parser) -> None:
 
     record = step("record", "takes of one gesture, from the live skin or a recording")
     record.add_argument(
-        "name", metavar="NAME", help="of the gesture, such as stroke; other: no gesture"
+        "name",
+        metavar="NAME",
+        help="of the gesture, such as stroke; other: no gesture; or a table with a column of "
+        "labels, of which each touch is a take of its label",
     )
     record.add_argument(
         "words",
         nargs="*",
         metavar="RECORDING | NAME:=VALUE",
-        help="a recording (.mcap), of which each touch is a take, and namespace:= of the skin "
-        "where it holds several; or arguments of the launch file",
+        help="a recording (.mcap) or a table, of which each touch is a take, and namespace:= of "
+        "the skin where it holds several, config:=, rate:= and full_scale:= of a table; or "
+        "arguments of the launch file",
     )
     record.add_argument("--person", default="me", help="who makes the gesture (default me)")
     record.add_argument("--times", type=int, default=5, metavar="N", help="takes (default 5)")
@@ -46,14 +53,18 @@ def register(parser) -> None:
         "--out", type=Path, default=Path("takes"), metavar="FOLDER", help="default takes/"
     )
     train = step("train", "a recogniser from takes, and from simulated hands")
-    train.add_argument("takes", nargs="*", metavar="TAKES", help="files, or folders of them")
+    train.add_argument("takes", nargs="*", metavar="TAKES", help=_TAKES)
     train.add_argument("--out", type=Path, required=True, metavar="FILE", help="model to write")
     train.add_argument(
         "--alone", action="store_true", help="from your takes alone, without simulated hands"
     )
     train.add_argument("--jobs", type=int, default=1, help="processes (default 1)")
     evaluate = step("evaluate", "which gestures are taken for which, people left out in turn")
-    evaluate.add_argument("takes", nargs="+", metavar="TAKES", help="files, or folders of them")
+    evaluate.add_argument("takes", nargs="+", metavar="TAKES", help=_TAKES)
+    for each in (train, evaluate):
+        each.add_argument(
+            "--config", type=Path, metavar="FILE", help="parameter file of the skin of tables"
+        )
     evaluate.add_argument(
         "--model", type=Path, metavar="FILE", help="a model to judge by all takes instead"
     )

@@ -18,7 +18,8 @@ from ...learning.hands import PEOPLE, simulated
 from ...parameters.nodes import Gestures
 from ...touch.episode import FEATURES
 from ...touch.model import OTHER, load_model, sharpened
-from ...touch.take import find_takes, load_take
+from ...touch.take import SUFFIX, Take, find_takes, load_take
+from .record import of_table
 
 _DPI = 100  # of the picture
 # inches: of a class in it, and of all of it at least
@@ -27,14 +28,20 @@ _SMALLEST = 6.5
 _FEW = 3  # takes of a class, with fewer of which it is not trained
 
 
-def _read(paths):
-    return [load_take(path) for path in extras.track(list(find_takes(paths)), desc="takes")]
+def _read(args) -> list[Take]:
+    takes: list[Take] = []
+    for path in extras.track(list(find_takes(args.takes)), desc="takes"):
+        if path.name.endswith(SUFFIX) or not args.config:
+            takes.append(load_take(path))
+        else:
+            takes += of_table(str(path), {"config": str(args.config)}, "", "me")
+    return takes
 
 
 def train(args) -> int:
     if args.alone and not args.takes:
         raise ValueError("--alone needs takes: name their files or folders")
-    takes = _read(args.takes)
+    takes = _read(args)
     count = Counter(take.label for take in takes)
     few = [f"{name}: {n}" for name, n in sorted(count.items()) if n < _FEW]
     if few:
@@ -61,7 +68,7 @@ def train(args) -> int:
 def evaluate(args) -> int:
     if args.picture:
         prepare()
-    takes = _read(args.takes)
+    takes = _read(args)
     if not args.model and len({take.label for take in takes}) < 2:
         raise ValueError("takes of two gestures at least are needed")
     table = table_of(takes, track=functools.partial(extras.track, desc="features"))

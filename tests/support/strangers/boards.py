@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What strangers' sketches print of a picture, and what a UART makes of it at another rate."""
 
+import binascii
 import struct
+import zlib
 from bisect import bisect_left
 
 import numpy as np
@@ -142,7 +144,28 @@ def words_with_an_end(a, k) -> bytes:
     return b"\xa0" + a.astype(">u2").tobytes() + b"\xc0\x0d"
 
 
-PACKETS = {f.__name__: f for f in (words, words_with_a_sum, words_with_an_end)}
+def packed(a, k) -> bytes:
+    bits = "".join(f"{v:010b}" for v in a.ravel().tolist())
+    bits += "0" * (-len(bits) % 8)
+    return b"\x01" + bytes(int(bits[i : i + 8], 2) for i in range(0, len(bits), 8)) + b"\x00"
+
+
+def slip_with_a_crc(a, k) -> bytes:
+    body = bytes([k & 255]) + a.astype(">u2").tobytes()
+    body += zlib.crc32(body).to_bytes(4, "little")
+    return body.replace(b"\xdb", b"\xdb\xdd").replace(b"\xc0", b"\xdb\xdc") + b"\xc0"
+
+
+def cobs_with_a_crc(a, k) -> bytes:
+    body = b"\xa5" + a.astype("<u2").tobytes()
+    parts = (body + binascii.crc_hqx(body, 0xFFFF).to_bytes(2, "big")).split(b"\0")
+    return b"".join(bytes([len(part) + 1]) + part for part in parts) + b"\0"
+
+
+PACKETS = {
+    f.__name__: f
+    for f in (words, words_with_a_sum, words_with_an_end, packed, slip_with_a_crc, cobs_with_a_crc)
+}
 
 
 def run_lengths(a, k) -> bytes:
@@ -155,12 +178,6 @@ def run_lengths(a, k) -> bytes:
         out.append(min(value, 254))
         zeros = 0
     return bytes(out) + (bytes([0, zeros]) if zeros else b"") + b"\xff"
-
-
-def packed(a, k) -> bytes:
-    bits = "".join(f"{v:010b}" for v in a.ravel().tolist())
-    bits += "0" * (-len(bits) % 8)
-    return b"\x01" + bytes(int(bits[i : i + 8], 2) for i in range(0, len(bits), 8)) + b"\x00"
 
 
 def sent(make, pictures, first=0) -> bytes:
