@@ -94,7 +94,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
-        (f"share/{package_name}/launch", sorted(glob("launch/*.yaml"))),
+        (f"share/{package_name}/launch", sorted(glob("launch/*"))),
         (f"share/{package_name}/config", sorted(glob("config/*"))),
     ],
     install_requires=[

@@ -138,7 +138,7 @@ class Skin:
         SIGNALS.enter()
         atexit.register(self._end)  # for who never comes to __exit__
         self._log = QueuedLog.before(logging.getLogger(PACKAGE))
-        for command in (*self._plan.commands, *self._plan.skins):
+        for command in self._plan.commands:
             self._processes.append(start_command(command))
         self.build()
         for recorder in self._of_kind(RECORDER, self._nodes):
@@ -236,7 +236,7 @@ class Skin:
                 if SIGNALS.asked is not None:
                     self.shutdown()
                     return
-                for process in self._processes[: len(self._plan.commands)]:
+                for process in self._processes:
                     if process.poll() not in (None, 0):
                         command = shlex.join(map(str, process.args))  # type: ignore[arg-type]
                         raise LaunchError(f"{command}: ended with {process.returncode}")
