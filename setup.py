@@ -96,6 +96,8 @@ setup(
         (f"share/{package_name}", ["package.xml"]),
         (f"share/{package_name}/launch", sorted(glob("launch/*"))),
         (f"share/{package_name}/config", sorted(glob("config/*"))),
+        (f"share/{package_name}/examples", sorted(glob("examples/*.*"))),
+        (f"share/{package_name}/examples/robot", sorted(glob("examples/robot/*.*"))),
     ],
     install_requires=[
         "numpy>=1.26",

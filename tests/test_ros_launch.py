@@ -41,6 +41,9 @@ def test_each_node_of_a_skin_as_a_process(graph, plain, ros2, tmp_path):
         graph.launch("skin", "tactile_skin", "skin.launch.yaml", *asked)
         with player.playing(endless("idle", 41)):
             plain.until(status.free, "free", graph)
+        (stop,) = plain.node.get_publishers_info_by_topic("skin/stop")
+        limits = stop.qos_profile.deadline, stop.qos_profile.lifespan
+        assert [limit.nanoseconds for limit in limits] == [1e8, 1e9]
         with player.playing(endless("push_left", 42)):
             plain.until(status.pushed, "a push", graph)
             for words, said in (

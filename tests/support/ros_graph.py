@@ -129,11 +129,12 @@ class Graph:
 
     Attributes:
         env: the environment of its processes.
+        folder: of its own, removed at the end.
         processes: those that run, by name.
     """
 
     def __init__(self):
-        self._folder = Path(tempfile.mkdtemp(prefix="tactile_skin_ros_"))
+        self.folder = Path(tempfile.mkdtemp(prefix="tactile_skin_ros_"))
         self.processes: dict[str, subprocess.Popen] = {}
         self._count = 0
         self._ends: dict[str, int] = {}  # launch -> SIGINT: SIGTERM leaves its processes
@@ -141,8 +142,8 @@ class Graph:
             probe.bind(("127.0.0.1", 0))
             port = probe.getsockname()[1]
         self.env = os.environ | {
-            "ROS_HOME": str(self._folder / "ros"),
-            "ROS_LOG_DIR": str(self._folder / "ros"),
+            "ROS_HOME": str(self.folder / "ros"),
+            "ROS_LOG_DIR": str(self.folder / "ros"),
             "ROS_DOMAIN_ID": str(port % 100),
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
             "OMP_NUM_THREADS": "1",
@@ -158,7 +159,7 @@ class Graph:
                 process.send_signal(signal.SIGTERM)
         for name in tuple(self.processes):
             self.stop(name, self._ends.get(name, signal.SIGTERM))
-        shutil.rmtree(self._folder, ignore_errors=True)
+        shutil.rmtree(self.folder, ignore_errors=True)
 
     def start(self, name: str, words: list[str]) -> None:
         with open(self.log(name), "ab") as log:
@@ -200,7 +201,7 @@ class Graph:
 
     def log(self, name: str) -> Path:
         """What a process has printed."""
-        return self._folder / f"{name}.log"
+        return self.folder / f"{name}.log"
 
     def said(self, name: str) -> str:
         return self.log(name).read_text(errors="replace")
@@ -231,7 +232,7 @@ class Graph:
         """Start a plain subscriber, to all topics if none are named; its name."""
         self._count += 1
         name = f"listener_{self._count}"
-        path = self._folder / f"{name}.pickle"
+        path = self.folder / f"{name}.pickle"
         words = [
             sys.executable,
             str(Path(__file__).with_name("listen_rclpy.py")),
@@ -260,7 +261,7 @@ class Graph:
 
     def heard(self, name: str) -> list[tuple]:
         """End the subscriber; what it noted: (topic, arrival [s], stamp [ns], values)."""
-        path = self._folder / f"{name}.pickle"
+        path = self.folder / f"{name}.pickle"
         self.stop(name)
         with path.open("rb") as file:
             return pickle.load(file)  # our own file
