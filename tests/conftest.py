@@ -89,7 +89,7 @@ def ros2(request, graph):
         words = [program, *map(str, words)]
         done = subprocess.run(words, env=graph.env, capture_output=True, text=True, timeout=60)
         assert done.returncode == 0, done.stderr
-        return done.stdout
+        return done.stdout + done.stderr
 
     return run
 

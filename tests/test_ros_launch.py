@@ -4,7 +4,9 @@
 body.launch.yaml is in test_ros_body.py, examples/robot in test_ros_robot.py.
 """
 
+import os
 import re
+import signal
 
 import pytest
 import yaml
@@ -23,11 +25,11 @@ def config(folder):
 
 @pytest.mark.ros
 def test_the_demo_starts_its_board_and_ends_with_it(graph, plain, ros2):
+    """After its duration, which ends the program, and the board by --once."""
     status = Status(plain)
-    graph.launch(
-        "demo", "tactile_skin", "demo.launch.yaml", "scene:=push_left", "view:=true", "view_port:=0"
-    )
+    graph.launch("demo", "tactile_skin", "demo.launch.yaml", "scene:=push_left", "duration:=5")
     plain.until(status.pushed, "a push", graph)
+    graph.processes["demo"].wait(60.0)
     graph.end_launch("demo")
 
 
@@ -46,14 +48,23 @@ def test_each_node_of_a_skin_as_a_process(graph, plain, ros2, tmp_path):
         assert [limit.nanoseconds for limit in limits] == [1e8, 1e9]
         with player.playing(endless("push_left", 42)):
             plain.until(status.pushed, "a push", graph)
+            limit = "/stop_on_push threshold"
             for words, said in (
                 ("topic echo --once --no-daemon /skin/stop std_msgs/msg/Bool", "data: true"),
                 ("node list --no-daemon --spin-time 2", "/gesture_feature\n"),
-                ("param set --no-daemon /stop_on_push threshold 25.0", "successful"),
+                (f"param describe --no-daemon --timeout 20 {limit}", "500.0"),
+                (f"param set --no-daemon --timeout 20 {limit} 1.0", "at most threshold = 1.0 N"),
+                (f"param set --no-daemon --timeout 20 {limit} 25.0", "successful"),
+                ("param set --no-daemon --timeout 20 /stop_on_push latch true", "read-only"),
                 ("run tactile_skin tactile-skin --help", "usage: tactile-skin"),
             ):
                 assert said in ros2(*words.split())
-        graph.end_launch("skin")
+        with player.playing(endless("idle", 43)):
+            plain.until(status.free, "free again", graph)
+            os.kill(graph.processes_of("skin")["compensation"], signal.SIGKILL)
+            plain.until(lambda: "no longer arrive" in status.message, "it is missed", graph)
+            plain.until(status.free, "it is back", graph)
+        graph.end_launch("skin", killed=1)
 
 
 @pytest.mark.ros

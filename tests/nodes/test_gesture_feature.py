@@ -2,7 +2,6 @@
 """The node gesture_feature: its clouds, as any subscriber reads them."""
 
 from collections import defaultdict
-from dataclasses import FrozenInstanceError
 
 import numpy as np
 import pytest
@@ -88,7 +87,7 @@ def test_the_latest_snapshot_is_of_one_reading_and_has_the_stop_of_now():
     assert (found.std == 2.0).all() and found.force == pytest.approx(5.0, rel=0.03)
     assert found.bound >= found.force and found.contacts["force"].sum() == found.force
     assert np.isnan(found.wrench).all()
-    with pytest.raises(FrozenInstanceError):
+    with pytest.raises(AttributeError):
         found.force = 0.0
     with pytest.raises(ValueError, match="read-only"):
         found.wrench[0] = 0.0

@@ -3,20 +3,13 @@
 
 from __future__ import annotations
 
-import functools
-from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
 from ...behaviours.stop import StopMessage
-from ...msg import (
-    DiagnosticArray,
-    Image,
-    PointCloud2,
-    WrenchStamped,
-    cloud_columns,
-    image_array,
-)
+from ...msg import DiagnosticArray, Image, PointCloud2, WrenchStamped, cloud_columns, image_array
 from .. import QUEUE, now, seconds
 from ..stop_on_push import STATUS, most_of, stop_message_of
 from ..touch import xyz
@@ -29,39 +22,22 @@ _PARTS = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class Snapshot:
-    """What a skin feels by one reading, and whether the robot must stand when it is asked for.
+class Snapshot(NamedTuple):
+    """What a skin feels by one reading, and whether the robot must stand when it is asked for."""
 
-    Attributes:
-        stamp: when the reading arrived [s].
-        pressure: (rows, cols) [Pa], read-only, as are all arrays.
-        std: (rows, cols) [Pa], one standard deviation of it.
-        force: sum of the contacts' forces [N].
-        bound: the most that it may be [N].
-        wrench: (6,) force [N] and torque [N m] on the robot, in the frame of the skin; NaN where
-            the shape of the cover is unknown.
-        contacts: fields of `skin/contacts`, a value for each contact.
-        stop, reason: as a stop hook is given them.
-    """
-
-    stamp: float
-    pressure: np.ndarray
-    std: np.ndarray
-    force: float
-    bound: float
-    wrench: np.ndarray
-    contacts: dict[str, np.ndarray]
-    stop: bool
+    stamp: float  # when the reading arrived [s]
+    pressure: np.ndarray  # (rows, cols) [Pa], read-only, as are all arrays
+    std: np.ndarray  # (rows, cols) [Pa], one standard deviation of it
+    force: float  # sum of the contacts' forces [N]
+    bound: float  # the most that it may be [N]
+    wrench: np.ndarray  # (6,) force [N], torque [N m]; NaN where the cover's shape is unknown
+    contacts: dict[str, np.ndarray]  # fields of `skin/contacts`, a value for each contact
+    stop: bool  # and why, as a stop hook is given them
     reason: str
 
 
 class Latest:
-    """Joins the messages of a reading, which have one stamp and come in any order.
-
-    Args:
-        stop_topics: full names of the statuses that stop the robot.
-    """
+    """Joins the messages of a reading, which have one stamp and come in any order."""
 
     def __init__(self, node, stop_topics: list[str]):
         self._node = node
@@ -70,11 +46,9 @@ class Latest:
         waiting = StopMessage(True, "waiting: no message from the stop yet")
         self._stops = dict.fromkeys(stop_topics, waiting)
         for topic, kind in _PARTS.items():
-            take = functools.partial(self._take, topic)
-            node.create_subscription(kind, topic, take, QUEUE)
+            node.create_subscription(kind, topic, partial(self._take, topic), QUEUE)
         for topic in stop_topics:
-            hear = functools.partial(self._hear, topic)
-            node.create_subscription(DiagnosticArray, topic, hear, STATUS)
+            node.create_subscription(DiagnosticArray, topic, partial(self._hear, topic), STATUS)
 
     def _hear(self, topic: str, msg: DiagnosticArray) -> None:
         self._stops[topic] = stop_message_of(msg, now(self._node))
@@ -85,8 +59,9 @@ class Latest:
         parts[topic] = msg
         if len(parts) == len(_PARTS):
             self._joined = stamp, parts
-        if len(parts) == len(_PARTS) or len(self._parts) > QUEUE:  # what lacks a part has lost it
             self._parts = {t: kept for t, kept in self._parts.items() if t > stamp}
+        elif len(self._parts) > QUEUE:  # the oldest has lost what it lacks
+            del self._parts[next(iter(self._parts))]
 
     def snapshot(self) -> Snapshot | None:
         """Return what the newest reading says; None: there was none yet."""
