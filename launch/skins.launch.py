@@ -27,7 +27,7 @@ def skins(context) -> list[Node]:
             output="screen",
             parameters=[given],
             respawn=True,
-            respawn_delay=1.0,
+            respawn_delay=0.5,
         )
         for name in file.skins
         if name not in file.elsewhere
