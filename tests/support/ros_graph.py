@@ -164,7 +164,13 @@ class Graph:
     def start(self, name: str, words: list[str]) -> None:
         with open(self.log(name), "ab") as log:
             self.processes[name] = subprocess.Popen(
-                words, env=self.env, stdout=log, stderr=log, start_new_session=True
+                words,
+                env=self.env,
+                stdout=log,
+                stderr=log,
+                start_new_session=True,
+                # who runs the tests in the background may ignore it
+                preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
             )
 
     def launch(self, name: str, *words) -> None:
