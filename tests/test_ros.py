@@ -425,6 +425,7 @@ def skin(rclpy):
         serial_driver={"watchdog": 60.0},
         # a tare remembers what came before, and so does a noise that is measured
         compensation={"method": "map", "time_limit": 10.0, "tare": False, "noise": 0.5},
+        gesture_feature={"geometry.shape": "plane"},
         stop_on_push={"stale_after": 0.5},
     )
     with Graph() as graph:
