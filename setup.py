@@ -94,8 +94,10 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
-        (f"share/{package_name}/launch", sorted(glob("launch/*.yaml"))),
+        (f"share/{package_name}/launch", sorted(glob("launch/*"))),
         (f"share/{package_name}/config", sorted(glob("config/*"))),
+        (f"share/{package_name}/examples", sorted(glob("examples/*.*"))),
+        (f"share/{package_name}/examples/robot", sorted(glob("examples/robot/*.*"))),
     ],
     install_requires=[
         "numpy>=1.26",

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 import inspect
+import math
 import re
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from tactile_skin.middleware.package import node_class
 from tactile_skin.ros import PARTS
 
 DOCS = Path(__file__).parent
-SHOWN = [*PARTS, "push_arrow", "tactile_state"]  # nodes whose topics are listed
+SHOWN = [*PARTS, "push_arrow"]  # nodes whose topics are listed
 _MADE = "<!-- made by docs/generate.py -->"
 _WIDTH = 80  # characters of a signature on one line
 _SECTION = re.compile(r"^(Args|Attributes|Returns|Raises|Yields):$")
@@ -79,7 +80,7 @@ def api() -> str:
     parts += [_entry(name, getattr(tactile_skin, name)) for name in sorted(tactile_skin.__all__)]
     parts.append("## tactile_skin.launch\n")
     parts += [_entry(name, getattr(launch, name), "###") for name in ("launch", "read_skin")]
-    for name, method in vars(launch.Skin).items():
+    for name, method in (item for kind in launch.Skin.__mro__ for item in vars(kind).items()):
         if inspect.isfunction(method) and not name.startswith("_"):
             parts.append(_entry(f"Skin.{name}", method, "###"))
     parts.append("## tactile_skin.msg\n")
@@ -165,7 +166,9 @@ def qos() -> str:
 def _profile(profile) -> str:
     latched = profile.durability is DurabilityPolicy.TRANSIENT_LOCAL
     words = [profile.reliability.name.lower().replace("_", " "), *["latched"] * latched]
-    return ", ".join([*words, str(profile.depth)])
+    limits = {"deadline": profile.deadline, "lifespan": profile.lifespan}
+    ends = [f"{name} {value:g} s" for name, value in limits.items() if value < math.inf]
+    return ", ".join([*words, str(profile.depth), *ends])
 
 
 # page: what makes it

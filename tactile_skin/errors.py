@@ -77,6 +77,7 @@ class TrainingDied(TactileSkinError, RuntimeError):
 
 SUCCESSORS = {  # node or argument of an earlier version -> what there is instead
     "foxglove": "is gone: the app opens a recording, and foxglove_bridge shows a skin on ROS",
+    "tactile_state": "is gone: no ROS distribution has tactile_msgs; subscribe to skin/pressure",
     "board": "is gone: the board is simulated; only the firmware's tests simulate its chip",
 }
 

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import atexit
 import contextlib
-import functools
 import gc
 import importlib
 import logging
@@ -21,11 +20,11 @@ import math
 import shlex
 import subprocess
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
-from .behaviours.hooks import EventHook, StopHook
+from .behaviours.hooks import StopHook
 from .errors import LaunchError
-from .middleware.bus import Context, MultiThreadedExecutor, Node
+from .middleware.bus import Context, Node
 from .middleware.launch_file import read_arguments, read_plan
 from .middleware.logs import QueuedLog
 from .middleware.package import BODY, PACKAGE, RECORDER, VIEW, find, share_dir
@@ -43,9 +42,9 @@ from .middleware.plan import (
 from .middleware.processes import end_commands, start_command
 from .middleware.signals import SIGNALS, unwinding
 from .middleware.threads import PACE, close_nodes
-from .msg import DiagnosticArray, Trigger
+from .msg import Trigger
 from .nodes import diagnostics
-from .touch.events import Event, Gestured, Pushed, Released, Stroked
+from .nodes.observers.listening import NOT_YET, Listening
 
 __all__ = [
     "LaunchError",
@@ -71,10 +70,9 @@ _POLL = 0.02  # s between two checks of `spin` for signals, nodes and commands
 _END_WITHIN = 0.3  # s for all final messages, and for hooks to receive the stop
 _HURRY = 0.5  # s after which commands of the launch file are killed, if a signal asked for the end
 _PATIENCE = 3.0  # s, if none did: they may have something to save
-_NOT_YET = "not running yet: call this within `with`, which starts the nodes"
 
 
-class Skin:
+class Skin(Listening):
     """The nodes and commands of a launch file, running until `spin` ends; use it with `with`.
 
     Attributes:
@@ -82,16 +80,12 @@ class Skin:
     """
 
     def __init__(self, plan: Plan | None = None, context: Context | None = None):
-        self._context = context or Context()
-        self._executor = MultiThreadedExecutor()
-        self._plan = plan or Plan()
-        self._handles: list[Node] = []
+        super().__init__(plan or Plan(), context or Context())
         self._nodes: list = []
         self._processes: list[subprocess.Popen] = []
-        self._hooks: list[StopHook | EventHook] = []
         self._settings = contextlib.ExitStack()  # of the process; closed, it needs them no more
         self._log: QueuedLog | None = None
-        self._began = self._ended = False
+        self._ended = False
         self.node = Node("user", context=self._context)
 
     def add(
@@ -138,7 +132,7 @@ class Skin:
         SIGNALS.enter()
         atexit.register(self._end)  # for who never comes to __exit__
         self._log = QueuedLog.before(logging.getLogger(PACKAGE))
-        for command in (*self._plan.commands, *self._plan.skins):
+        for command in self._plan.commands:
             self._processes.append(start_command(command))
         self.build()
         for recorder in self._of_kind(RECORDER, self._nodes):
@@ -226,7 +220,7 @@ class Skin:
             KeyboardInterrupt, SystemExit: a signal has ended an earlier `spin`.
         """
         if not self._began:
-            raise LaunchError(_NOT_YET)
+            raise LaunchError(NOT_YET)
         if SIGNALS.asked is not None:
             raise unwinding(SIGNALS.asked)
         end = math.inf if timeout is None else time.monotonic() + timeout
@@ -236,7 +230,7 @@ class Skin:
                 if SIGNALS.asked is not None:
                     self.shutdown()
                     return
-                for process in self._processes[: len(self._plan.commands)]:
+                for process in self._processes:
                     if process.poll() not in (None, 0):
                         command = shlex.join(map(str, process.args))  # type: ignore[arg-type]
                         raise LaunchError(f"{command}: ended with {process.returncode}")
@@ -250,90 +244,6 @@ class Skin:
     def failed(self) -> bool:
         """Whether a node says that the run was in vain."""
         return any(getattr(node, "failed", False) for node in self._nodes)
-
-    def on_stop(self, hook: Callable[[bool, str], None], heartbeat: float | None = None) -> None:
-        """Call hook(stop, reason) now and at each change, in a thread of its own: see hooks.py.
-
-        With several stop nodes, any of them stops; of a body it is the body's.
-
-        Args:
-            heartbeat: call it at least this often, also while nothing changes [s], so that what
-                drives the motors can stop them when this process is killed or hangs.
-
-        Raises:
-            LaunchError: the launch file starts no stop_on_push.
-            ValueError: `hook` cannot take these, or `heartbeat` is not above 0, or not finite.
-        """
-        from .nodes.stop_on_push import STATUS, STATUS_TOPIC, stop_message_of
-
-        stops = self._of_kind(BODY, self._handles) or self._started("stop_on_push")
-        topics = [handle.resolve_topic_name(STATUS_TOPIC) for handle in stops]
-
-        def now() -> float:
-            return self._context.clock.now().nanoseconds / 1e9
-
-        stop_hook = StopHook(hook, topics, now, heartbeat)
-        self._hooks.append(stop_hook)
-        node = Node(f"stop_hook_{len(self._hooks)}", context=self._context)
-
-        def on_status(topic: str, message: DiagnosticArray) -> None:
-            stop_hook.hear(topic, stop_message_of(message, now()))
-
-        for topic in topics:
-            take = functools.partial(on_status, topic)
-            node.create_subscription(DiagnosticArray, topic, take, STATUS)
-        self._executor.add_node(node)
-
-    def on_push(self, hook: Callable) -> None:
-        """Call hook(force, centre) when a push begins, in a thread of its own: see events.py.
-
-        force: (3,) [N], on the robot; centre: (3,) [m]; both in the base frame.
-        With several stop nodes, each has its pushes; of a body they are the body's.
-
-        Raises:
-            LaunchError: the launch file starts no stop_on_push.
-        """
-        self._on_event(hook, Pushed, "stop_on_push")
-
-    def on_release(self, hook: Callable) -> None:
-        """Call hook(seconds) when a push is over, with how long it lasted; else as `on_push`."""
-        self._on_event(hook, Released, "stop_on_push")
-
-    def on_stroke(self, hook: Callable) -> None:
-        """Call hook(velocity, confidence) when a stroke along the skin begins; else as `on_push`.
-
-        velocity: (3,) [m/s], in the base frame; confidence: 0 to 1.
-        """
-        self._on_event(hook, Stroked, "gesture_feature")
-
-    def on_gesture(self, hook: Callable) -> None:
-        """Call hook(gesture), a `touch.events.Gesture`, when one is named; needs gestures:=true."""
-        self._on_event(hook, Gestured, "gestures")
-
-    def _on_event(self, hook: Callable, kind: type[Event], executable: str) -> None:
-        from .nodes.observers.touch_events import LISTENERS
-
-        bodies = self._of_kind(BODY, self._handles) if executable == "stop_on_push" else []
-        nodes, listener = bodies or self._started(executable), LISTENERS[kind]
-        event_hook = EventHook(hook, kind._fields)
-        self._hooks.append(event_hook)
-
-        def tell(event):
-            if isinstance(event, kind):
-                event_hook.tell(*event)
-
-        for handle in nodes:
-            here = handle.get_namespace().strip("/")
-            pairs = [
-                pair
-                for action in self._plan.nodes
-                if action.namespace.strip("/") == here
-                for pair in action.remappings
-            ]
-            name = f"{kind.__name__.lower()}_hook_{len(self._hooks)}"
-            node = Node(name, context=self._context, namespace=here, remappings=pairs)
-            listener(node, tell)
-            self._executor.add_node(node)
 
     def reset_stop(self, timeout: float = 1.0) -> tuple[bool, str]:
         """Ask every stop node to end its latched stop: whether all did, and what they say.
@@ -362,16 +272,6 @@ class Skin:
             return self.node.create_client(Trigger, name).call(Trigger.Request(), timeout)
         except TimeoutError:
             return Trigger.Response(False, f"{name} does not answer")
-
-    def _started(self, executable: str) -> list[Node]:
-        """Return the nodes of a kind, of which there must be one."""
-        if found := self._of_kind(executable, self._handles):
-            return found
-        raise LaunchError(f"the launch file starts no {executable}" if self._began else _NOT_YET)
-
-    def _of_kind(self, executable: str, of: list) -> list:
-        """Of the handles, or the nodes, those of a kind."""
-        return [x for x, a in zip(of, self._plan.nodes, strict=False) if a.executable == executable]
 
 
 def launch(path=None, *, context: Context | None = None, **arguments) -> Skin:

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import json
 import logging
 import sys
 from pathlib import Path
@@ -21,11 +20,9 @@ from . import launch
 from .errors import LaunchError, did_you_mean
 from .files import one_line
 from .middleware.bus import Node
-from .middleware.package import BODY, COMPOSED, PACKAGE, PARTS, node_class
-from .middleware.parameter_file import CONFIG
+from .middleware.package import BODY, COMPOSED, PARTS, node_class
 from .middleware.plan import NodeAction, Plan, parts_of, with_skins
-from .middleware.processes import end_with_launcher
-from .middleware.ros.arguments import PARAMS_FILE, RosArguments, split_arguments
+from .middleware.ros.arguments import RosArguments, split_arguments
 from .middleware.ros.node import Process, RosNode, ToRos
 from .nodes import diagnostics, frames
 
@@ -92,7 +89,6 @@ def run(executable: str, words: list[str] | None = None) -> int:
         skin = RosSkin(plan_of(executable, args), Process(args.others))
         # a signal that came before it ran has asked for the same
         with contextlib.suppress(KeyboardInterrupt, SystemExit), skin:
-            end_with_launcher(skin.shutdown)
             skin.spin()
         return 1 if skin.failed else 0
     except KeyboardInterrupt:
@@ -142,26 +138,10 @@ def plan_of(executable: str, args: RosArguments) -> Plan:
                 f"{file.path}: nodes: {file.nodes[0]['class']}: is for tactile-skin launch; on ROS "
                 "start it as a node of its own"
             )
-    nodes, skins = [node for part in parts for node in with_skins(part)], []
+    nodes = [node for part in parts for node in with_skins(part)]
     if executable == BODY and program.values().get("separate") is True:
-        skins, nodes = _programs(nodes[:-1]), nodes[-1:]
-    return Plan(nodes, skins=skins)
-
-
-def _programs(nodes: list[NodeAction]) -> list[list[str]]:
-    """Return the command of the program `skin` for each namespace of a body's nodes."""
-    programs: dict[str, list[str]] = {}
-    for node in nodes:
-        words = programs.setdefault(node.namespace, [])
-        if not words:
-            words += [sys.executable, "-m", f"{PACKAGE}.ros", COMPOSED, "--ros-args"]
-            words += ["-r", f"__ns:=/{node.namespace}"]
-            for file in node.files():
-                path = str(file.path)
-                words += ["-p", f"{CONFIG}:={path}"] if file.own else [PARAMS_FILE, path]
-        for p in node.singles():
-            words += ["-p", f"{node.name}:{p.name}:={json.dumps(p.value)}"]
-    return list(programs.values())
+        nodes = nodes[-1:]  # the launch file starts those of the skins
+    return Plan(nodes)
 
 
 if __name__ == "__main__":

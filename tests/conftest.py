@@ -4,7 +4,9 @@
 import importlib.util
 import logging
 import os
+import shutil
 import signal
+import subprocess
 import threading
 import time
 
@@ -73,6 +75,23 @@ def graph(rclpy, monkeypatch):
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     with Graph() as graph:
         yield graph
+
+
+@pytest.fixture
+def ros2(request, graph):
+    """A function that runs `ros2` to its end and returns what it says."""
+    if not (program := shutil.which("ros2")):
+        if request.config.getoption("--require-ros"):
+            pytest.fail("ros2 is not installed")
+        pytest.skip("ros2 is not installed: see .ci/ros")
+
+    def run(*words) -> str:
+        words = [program, *map(str, words)]
+        done = subprocess.run(words, env=graph.env, capture_output=True, text=True, timeout=60)
+        assert done.returncode == 0, done.stderr
+        return done.stdout + done.stderr
+
+    return run
 
 
 @pytest.fixture

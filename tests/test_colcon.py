@@ -69,8 +69,8 @@ def test_what_ros_2_looks_for_is_where_it_looks(prefix):
     assert programs == PROGRAMS
     assert all(os.access(prefix / "lib" / "tactile_skin" / p, os.X_OK) for p in programs)
     share = prefix / "share" / "tactile_skin"
-    for folder in ("launch", "config"):
-        names = {p.name for p in (SOURCE / folder).iterdir()}
+    for folder in ("launch", "config", "examples", "examples/robot"):
+        names = {p.name for p in (SOURCE / folder).glob("[!_]*")}
         assert {p.name for p in (share / folder).iterdir()} == names
         assert names
     assert (share / "package.xml").read_bytes() == (SOURCE / "package.xml").read_bytes()

@@ -83,8 +83,8 @@ def test_the_wheel_holds_what_the_skin_reads(wheel):
     for path in [*SOURCE.glob("tactile_skin/**/*.py"), *SOURCE.glob("tactile_skin/weights/*")]:
         assert str(path.relative_to(SOURCE)) in wheel
     shared = {Path(name).name for name in wheel if "/share/tactile_skin/" in name}
-    folders = [SOURCE / "launch", SOURCE / "config"]
-    assert shared == {"package.xml", *(p.name for folder in folders for p in folder.iterdir())}
+    folders = "launch", "config", "examples", "examples/robot"
+    assert shared == {"package.xml", *(p.name for f in folders for p in SOURCE.glob(f"{f}/*.*"))}
     assert not [name for name in wheel if name.startswith("tests")]
 
 

@@ -11,7 +11,6 @@ import os
 import pkgutil
 import queue
 import random
-import runpy
 import signal
 import subprocess
 import sys
@@ -26,7 +25,7 @@ import pytest
 from support.ros_graph import Graph, Player, endless, plan_of, record
 
 import tactile_skin
-from tactile_skin import __main__, launch, msg, ros
+from tactile_skin import __main__, msg, ros
 from tactile_skin.board.protocol import BinaryParser
 from tactile_skin.middleware import bus
 from tactile_skin.middleware.bus import (
@@ -110,21 +109,6 @@ def test_each_node_has_an_entry_point(name, capsys):
         getattr(__main__, name)(["--help"])
     assert end.value.code == 0
     assert f"{name}: " in capsys.readouterr().out.replace("All nodes", "skin: All nodes")
-
-
-@pytest.mark.parametrize("command", ["install", "develop"])
-def test_setup_installs_each_node_for_colcon(monkeypatch, command):
-    """As `ros2 run` finds them; what pip installs: test_install.py."""
-    setuptools = pytest.importorskip("setuptools")
-    made = {}
-    monkeypatch.setattr(setuptools, "setup", lambda **kwargs: made.update(kwargs))
-    monkeypatch.setattr(sys, "argv", ["setup.py", "build", command])
-    monkeypatch.chdir(launch.share_dir())
-    runpy.run_path("setup.py")
-    scripts = dict(s.split(" = ") for s in made["entry_points"]["console_scripts"])
-    assert scripts.pop("tactile-skin") == "tactile_skin.__main__:main"
-    assert scripts == {name: f"tactile_skin.__main__:{name}" for name in (*NODES, COMPOSED)}
-    assert "share/ament_index/resource_index/packages" in dict(made["data_files"])
 
 
 def test_ros_arguments_are_split_from_the_programs_own():
@@ -441,6 +425,7 @@ def skin(rclpy):
         serial_driver={"watchdog": 60.0},
         # a tare remembers what came before, and so does a noise that is measured
         compensation={"method": "map", "time_limit": 10.0, "tare": False, "noise": 0.5},
+        gesture_feature={"geometry.shape": "plane"},
         stop_on_push={"stale_after": 0.5},
     )
     with Graph() as graph:
@@ -599,79 +584,3 @@ def test_the_values_are_those_in_process_for_the_same_bytes(skin, monkeypatch):
             reasons.add(reason)
     assert len(decided) >= 0.98 * len(frames)  # the first that hears of a stamp is its decision
     assert "" in reasons and any(reason.startswith("push: ") for reason in reasons)
-
-
-@pytest.mark.ros
-def test_a_killed_node_stops_the_robot_and_rejoins(skin):
-    """The rest survives; meanwhile the stop says stale; the plain subscriber goes on."""
-    graph, player, plan = skin
-    with player.playing(endless(IDLE, next(SEEDS), REST)):
-        name = graph.listen()
-        graph.wait_until_heard(name)
-        graph.wait_for(lambda: graph.hears(name, "stop free\n"), "the robot may move")
-        killed = time.time()
-        graph.stop("compensation", signal.SIGKILL)
-        graph.wait_for(
-            lambda: graph.hears(name, "stop stale: readings no longer arrive\n"),
-            "the stop says stale",
-        )
-        time.sleep(0.5)
-        said = ("stop free\n", "heard skin/pressure\n")
-        counts = [graph.said(name).count(words) for words in said]
-        for other in plan:
-            assert other == "compensation" or graph.processes[other].poll() is None
-        graph.start_node(plan["compensation"])
-        for words, count in zip(said, counts, strict=True):  # each finds it in its own time
-            graph.wait_for(lambda w=words, n=count: graph.said(name).count(w) > n, "it rejoins")
-        back = time.time()
-        time.sleep(3.0)
-        heard = by_topic(graph.heard(name))
-    stopped = min(t for t, _, stop in heard["skin/stop"] if t > killed and stop)
-    assert stopped - killed < 1.0  # stale_after is 0.5 s here
-    arrivals = np.array([t for t, *_ in heard["skin/pressure"]])
-    assert max(np.diff(arrivals)) > 0.5  # nobody else spoke for it
-    assert sum(arrivals > back) > 40
-    # the stop was said all the time, without a gap that would let a lock expire
-    assert max(np.diff([t for t, *_ in heard["skin/stop"]])) < 0.5
-    during = [v for t, _, v in heard["skin/stop"] if stopped <= t < stopped + 0.5]
-    assert during
-    assert all(during)
-
-
-PARAMETERS = """
-import rclpy
-from rclpy.parameter import Parameter
-from rclpy.parameter_client import AsyncParameterClient
-rclpy.init()
-node = rclpy.create_node("plain_client")
-client = AsyncParameterClient(node, "/stop_on_push")
-assert client.wait_for_services(20.0)
-def ask(future):
-    rclpy.spin_until_future_complete(node, future, timeout_sec=20.0)
-    return future.result()
-print(ask(client.get_parameters(["threshold"])).values[0].double_value)
-(described,) = ask(client.describe_parameters(["threshold"])).descriptors
-print(described.read_only, described.floating_point_range[0].to_value)
-wishes = [("threshold", 1.0), ("threshold", 40.0), ("threshold", 30.0), ("latch", True)]
-for name, value in wishes:
-    (result,) = ask(client.set_parameters([Parameter(name, value=value)])).results
-    print(result.successful, result.reason)
-"""
-
-
-@pytest.mark.ros
-def test_parameters_are_shown_and_set(skin):
-    """Limits are, within what is valid; what is read once, at the node's start, is not: to accept
-    another value would be a lie."""
-    graph, _, _ = skin
-    words = [sys.executable, "-c", PARAMETERS]
-    done = subprocess.run(words, env=graph.env, capture_output=True, text=True, timeout=90)
-    assert done.returncode == 0, done.stderr
-    shown, described, *answers = done.stdout.splitlines()
-    assert (shown, described) == ("30.0", "False 500.0")
-    assert answers[:3] == [
-        "False stop: release = 20.0 N: must be at most threshold = 1.0 N",
-        "True ",
-        "True ",
-    ]
-    assert answers[3].startswith("False ") and "read-only" in answers[3]

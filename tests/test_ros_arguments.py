@@ -22,7 +22,7 @@ from tactile_skin.middleware.parameter_file import ParameterFile
 ROSDISTRO = {
     *("rclpy", "rcl_interfaces", "builtin_interfaces", "std_msgs", "std_srvs", "geometry_msgs"),
     *("sensor_msgs", "diagnostic_msgs", "rosgraph_msgs", "ros2launch", "launch_yaml", "rviz2"),
-    *("tf2_msgs", "tactile_msgs"),
+    "tf2_msgs",
     *("python3-dev", "python3-numpy", "python3-scipy", "python3-serial", "python3-yaml"),
     "python3-ruamel.yaml",
     *("python3-pytest", "python3-hypothesis"),

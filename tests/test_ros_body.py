@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Several skins as one body on rclpy: one program, one stop whose reason names the skin."""
+"""body.launch.yaml by `ros2 launch`: one stop for several skins, whose reason names the skin."""
 
 import contextlib
 import os
@@ -8,10 +8,9 @@ from pathlib import Path
 
 import pytest
 import yaml
-from support.ros_graph import board, endless, program
+from support.ros_graph import Status, board, endless
 
 NAMES = "chest", "back"
-FOUR = *NAMES, "left_arm", "right_arm"
 
 
 def write(folder, boards, elsewhere=()) -> Path:
@@ -30,63 +29,57 @@ def write(folder, boards, elsewhere=()) -> Path:
     return config
 
 
-def processes_of(parent: int) -> dict[str, int]:
-    """The processes that a body has started: name of the skin -> its number."""
-    found = {}
-    for folder in Path("/proc").glob("[0-9]*"):
-        with contextlib.suppress(OSError):
-            words = (folder / "cmdline").read_text().split("\0")
-            status = (folder / "stat").read_text().rpartition(")")[2].split()
-            spaces = [word.partition(":=/")[2] for word in words if word.startswith("__ns:=/")]
-            if int(status[1]) == parent and spaces:
-                found[spaces[0]] = int(folder.name)
-    return found
+@pytest.mark.ros
+def test_a_process_that_is_killed_stops_with_its_skins_name_and_comes_back(
+    graph, plain, ros2, tmp_path
+):
+    """Launch starts it again, the body's own as well; the other skins go on meanwhile."""
+    from sensor_msgs.msg import Image
+
+    status = Status(plain)
+    for name in NAMES:
+        plain.hear(Image, f"{name}/skin/pressure")
+    with contextlib.ExitStack() as stack:
+        boards = {name: stack.enter_context(board()) for name in NAMES}
+        for k, player in enumerate(boards.values()):
+            stack.enter_context(player.playing(endless("idle", k)))
+        words = f"config:={write(tmp_path, boards)}", "separate:=true", "cmd_vel_gate:=true"
+        graph.launch(
+            "body", "tactile_skin", "body.launch.yaml", *words, "view:=true", "view_port:=0"
+        )
+        plain.until(status.free, "free", graph)
+        chest, back = (f"{name}/skin" for name in NAMES)
+        for killed in (back, "body"):
+            numbers = graph.processes_of("body")
+            assert numbers.keys() == {chest, back, "body", "cmd_vel_gate", "monitor", "view"}
+            os.kill(numbers[killed], signal.SIGKILL)
+            if killed == back:
+                silent = lambda: "back: stale: no message from its stop" in status.message  # noqa: E731
+                plain.until(silent, "a stop", graph)
+                assert "stale" in status.causes and status.skins == ["back"]
+                del plain.heard["chest/skin/pressure"][:]
+                plain.until(
+                    lambda: plain.last("chest/skin/pressure"), "the other's pictures", graph
+                )
+            left = numbers[killed]
+            again = lambda: graph.processes_of("body").get(killed, left) != left  # noqa: B023, E731
+            plain.until(again, f"{killed} starts again", graph)
+            status.forget()
+            plain.until(status.free, "free again", graph)
+        graph.end_launch("body", killed=2)
 
 
 @pytest.mark.ros
-def test_a_process_that_is_killed_stops_with_its_skins_name_and_the_others_go_on(
-    graph, plain, tmp_path
-):
-    """As `ros2 launch` writes what body.launch.yaml separate:=true gives."""
-    from diagnostic_msgs.msg import DiagnosticArray
-    from sensor_msgs.msg import Image
-
-    plain.hear(DiagnosticArray, "skin/stop_status")
-    for name in FOUR:
-        plain.hear(Image, f"{name}/skin/pressure")
-    with contextlib.ExitStack() as stack:
-        boards = {name: stack.enter_context(board()) for name in FOUR}
-        for k, player in enumerate(boards.values()):
-            stack.enter_context(player.playing(endless("idle", k)))
-        given = {"config": str(write(tmp_path, boards)), "separate": True, "method": ""}
-        path = tmp_path / "launch_params_x"
-        path.write_text(yaml.safe_dump({"/**": {"ros__parameters": given}}))
-        graph.start("body", program("body", "--params-file", str(path)))
-
-        def status():
-            return plain.heard["skin/stop_status"][-1].status[0]
-
-        def free() -> bool:
-            return bool(plain.heard["skin/stop_status"]) and not status().message
-
-        plain.until(free, "free", graph)
-        numbers = processes_of(graph.processes["body"].pid)
-        assert numbers.keys() == set(FOUR)
-        left = list(FOUR)
-        for killed in FOUR[:3]:
-            left.remove(killed)
-            os.kill(numbers[killed], signal.SIGKILL)
-            words = f"{killed}: stale: no message from its stop"
-            plain.until(lambda words=words: words in status().message, words, graph)
-            values = {pair.key: pair.value for pair in status().values}
-            assert "stale" in values["causes"].split() and killed in values["skins"].split()
-            for name in left:
-                before = len(plain.heard[f"{name}/skin/pressure"])
-                more = lambda: len(plain.heard[f"{name}/skin/pressure"]) > before  # noqa: B023,E731
-                plain.until(more, f"pictures of {name}", graph)
-        os.kill(graph.processes.pop("body").pid, signal.SIGKILL)
-
-        def ended() -> bool:
-            return not Path(f"/proc/{numbers[FOUR[3]]}").exists()
-
-        plain.until(ended, "the skin of a body that is killed ends", graph)
+def test_all_skins_of_a_body_in_one_process(graph, plain, ros2, tmp_path):
+    status = Status(plain)
+    with board() as chest, board() as back:
+        boards = dict(zip(NAMES, (chest, back), strict=True))
+        config = write(tmp_path, boards)
+        graph.launch("body", "tactile_skin", "body.launch.yaml", f"config:={config}")
+        with chest.playing(endless("idle", 4)):
+            with back.playing(endless("idle", 5)):
+                plain.until(status.free, "free", graph)
+            with back.playing(endless("push_left", 6)):
+                plain.until(status.pushed, "a push", graph)
+                assert status.skins == ["back"]
+        graph.end_launch("body")

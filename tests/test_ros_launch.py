@@ -1,109 +1,79 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The shipped launch files in ROS 2's YAML grammar, as its documentation and its parser have it.
+"""Each launch file by `ros2 launch`: it starts, stops on a push, and ends at Ctrl-C.
 
-launch, launch_yaml and launch_ros are in no package registry, so that `ros2 launch` itself cannot
-run here; `launch_yaml/README.md` of ros2/launch, the Launch-file-different-formats and
-Launch-files-migration-guide pages of the ROS 2 documentation (Humble) say what is allowed.
+body.launch.yaml is in test_ros_body.py, examples/robot in test_ros_robot.py.
 """
 
+import os
 import re
+import signal
 
 import pytest
 import yaml
+from support.ros_graph import Status, board, endless, stand_in
 
 from tactile_skin.launch import share_dir
 
-ACTION = {"if", "unless"}
-PROCESS = {"output", "cwd", "launch-prefix", "respawn", "respawn_delay", "shell", "env"} | ACTION
-KEYS = {  # entity -> (keys it must have, keys it may have)
-    "arg": ({"name"}, {"default", "description", "choice"} | ACTION),
-    "let": ({"name", "value"}, ACTION),
-    "executable": ({"cmd"}, {"name"} | PROCESS),
-    "node": (
-        {"pkg", "exec"},
-        {"name", "namespace", "args", "ros_args", "param", "remap"} | PROCESS - {"shell"},
-    ),
-    "include": ({"file"}, {"arg"} | ACTION),
-}
-TYPED = {"respawn_delay": float}  # as launch compares it: no text; `respawn` is one
-NESTED = {  # (entity, key) -> keys of each map in its list
-    ("node", "param"): [{"from"}, {"from", "allow_substs"}, {"name", "value"}],
-    ("node", "remap"): [{"from", "to"}],
-    ("include", "arg"): [{"name", "value"}],
-}
-SUBSTITUTIONS = {  # name -> how many words may follow
-    "var": (1, 2),
-    "env": (1, 2),
-    "dirname": (0,),
-    "anon": (1,),
-    "find-pkg-share": (1,),
-    "find-pkg-prefix": (1,),
-    "exec-in-pkg": (2,),
-    "find-exec": (1,),
-}
-FILES = sorted(p.name for p in (share_dir() / "launch").glob("*.yaml"))
+
+def config(folder):
+    """A skin's parameter file without a tare: what plays may press from the start."""
+    path = folder / "skin.yaml"
+    own = {"compensation": {"tare": False}, "stop_on_push": {"stale_after": 0.5}}
+    path.write_text(yaml.safe_dump({f"/**/{n}": {"ros__parameters": v} for n, v in own.items()}))
+    return path
 
 
-def texts(value):
-    """Every scalar in it."""
-    if isinstance(value, dict):
-        value = list(value.values())
-    for item in value if isinstance(value, list) else []:
-        yield from texts(item)
-    if not isinstance(value, list):
-        yield value
+@pytest.mark.ros
+def test_the_demo_starts_its_board_and_ends_with_it(graph, plain, ros2):
+    """After its duration, which ends the program, and the board by --once."""
+    status = Status(plain)
+    graph.launch("demo", "tactile_skin", "demo.launch.yaml", "scene:=push_left", "duration:=5")
+    plain.until(status.pushed, "a push", graph)
+    graph.processes["demo"].wait(60.0)
+    graph.end_launch("demo")
 
 
-def check(name: str, text: str) -> None:
-    data = yaml.safe_load(text)
-    assert list(data) == ["launch"]
-    for entity in data["launch"]:
-        ((kind, body),) = entity.items()
-        assert kind in KEYS, f"{name}: {kind}"
-        must, may = KEYS[kind]
-        assert must <= set(body), f"{name}: {kind} lacks {must - set(body)}"
-        assert set(body) <= must | may, f"{name}: {kind} has {set(body) - must - may}"
-        for key, value in body.items():
-            if (kind, key) in NESTED:
-                assert all(set(item) in NESTED[kind, key] for item in value), f"{name}: {key}"
-            else:  # elsewhere launch_yaml takes text alone: a bare number or true is an error
-                kept = isinstance(value, TYPED.get(key, str))
-                assert kept, f"{name}: {kind}: {key} = {value!r}"
-        for value in texts(body):
-            if isinstance(value, str):
-                check_substitutions(name, value)
+@pytest.mark.ros
+def test_each_node_of_a_skin_as_a_process(graph, plain, ros2, tmp_path):
+    """And what docs/robot.md does with them: `ros2 topic`, `node`, `param`, `run`."""
+    status = Status(plain)
+    asked = [f"{name}:=true" for name in ("separate", "gestures", "cmd_vel_gate", "view")]
+    with board() as player:
+        asked += [f"port:={player.port}", f"config:={config(tmp_path)}", "view_port:=0"]
+        graph.launch("skin", "tactile_skin", "skin.launch.yaml", *asked)
+        with player.playing(endless("idle", 41)):
+            plain.until(status.free, "free", graph)
+        (stop,) = plain.node.get_publishers_info_by_topic("skin/stop")
+        limits = stop.qos_profile.deadline, stop.qos_profile.lifespan
+        assert [limit.nanoseconds for limit in limits] == [1e8, 1e9]
+        with player.playing(endless("push_left", 42)):
+            plain.until(status.pushed, "a push", graph)
+            limit = "/stop_on_push threshold"
+            for words, said in (
+                ("topic echo --once --no-daemon /skin/stop std_msgs/msg/Bool", "data: true"),
+                ("node list --no-daemon --spin-time 2", "/gesture_feature\n"),
+                (f"param describe --no-daemon --timeout 20 {limit}", "500.0"),
+                (f"param set --no-daemon --timeout 20 {limit} 1.0", "at most threshold = 1.0 N"),
+                (f"param set --no-daemon --timeout 20 {limit} 25.0", "successful"),
+                ("param set --no-daemon --timeout 20 /stop_on_push latch true", "read-only"),
+                ("run tactile_skin tactile-skin --help", "usage: tactile-skin"),
+            ):
+                assert said in ros2(*words.split())
+        with player.playing(endless("idle", 43)):
+            plain.until(status.free, "free again", graph)
+            os.kill(graph.processes_of("skin")["compensation"], signal.SIGKILL)
+            plain.until(lambda: "no longer arrive" in status.message, "it is missed", graph)
+            plain.until(status.free, "it is back", graph)
+        graph.end_launch("skin", killed=1)
 
 
-def check_substitutions(name: str, text: str) -> None:
-    for found in re.finditer(r"\$\(([^()]*)\)", text):
-        kind, *words = found[1].split()
-        assert kind in SUBSTITUTIONS, f"{name}: {found[0]}"
-        assert len(words) in SUBSTITUTIONS[kind], f"{name}: {found[0]}"
-    assert "$(" not in re.sub(r"\$\([^()]*\)", "", text), f"{name}: {text}"
-
-
-@pytest.mark.parametrize("name", FILES)
-def test_a_shipped_launch_file_is_in_ros_2s_grammar(name):
-    check(name, (share_dir() / "launch" / name).read_text())
-
-
-def test_a_node_has_an_executable_of_its_name():
-    """`exec` is what setup.py installs to lib/tactile_skin."""
-    from tactile_skin.middleware.package import COMPOSED, NODES
-
-    for name in FILES:
-        data = yaml.safe_load((share_dir() / "launch" / name).read_text())
-        for entity in data["launch"]:
-            node = entity.get("node", {})
-            assert node.get("exec") in (*NODES, COMPOSED) or node.get("pkg") != "tactile_skin"
-
-
-def test_ros_starts_each_process_of_a_skin_again():
-    """But the monitor, which ends after its duration; our own launcher has none to start again."""
-    path = share_dir() / "launch" / "nodes.launch.yaml"
-    for node in (entity["node"] for entity in yaml.safe_load(path.read_text())["launch"]):
-        assert node.get("respawn") == (None if node["exec"] == "monitor" else "true")
-        assert node.get("respawn_delay", 1.0) > 0.0  # a wrong parameter ends it at once
+@pytest.mark.ros
+def test_rviz_is_started_next_to_a_skin(graph, plain, ros2, tmp_path):
+    said = stand_in(graph, tmp_path, "rviz2")
+    graph.launch("rviz", "tactile_skin", "rviz.launch.yaml", "namespace:=left")
+    plain.until(lambda: plain.node.count_publishers("/left/skin/push_arrow"), "the arrow", graph)
+    assert "/skin/pressure:=skin/pressure" in said.read_text()
+    graph.end_launch("rviz")
 
 
 def test_the_pages_yaml_fits_the_skin():

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """examples/robot on rclpy: a push on each skin stops the base, motion away from it passes."""
 
+import os
+import shutil
 import signal
 import sys
 import time
@@ -9,19 +11,13 @@ from contextlib import contextmanager
 
 import pytest
 import yaml
-from support.ros_graph import board, endless, program
-from test_ros_launch import check
+from support.ros_graph import board, endless, stand_in
 
 from tactile_skin.launch import share_dir
 from tactile_skin.middleware.parameter_file import ParameterFile
 
 FOLDER = share_dir() / "examples" / "robot"
-TEXT = (FOLDER / "robot.launch.yaml").read_text()
 SIDES = {"front": 1.0, "rear": -1.0}  # skin -> x of the direction in which it looks
-
-
-def test_its_launch_file_is_in_ros_2s_grammar():
-    check("robot.launch.yaml", TEXT)
 
 
 @pytest.mark.parametrize("side", SIDES)
@@ -38,22 +34,6 @@ def test_the_skins_are_where_the_urdf_mounts_them(side):
         assert [float(word) for word in origin.get(key).split()] == here
 
 
-def skins(ports: dict[str, str]):
-    """Yield the name and command line of each skin in the launch file, as `ros2 launch` has it."""
-    for entity in yaml.safe_load(TEXT)["launch"]:
-        node = entity.get("node", {})
-        if node.get("exec") == "skin":
-            side = node["namespace"]
-            words = ["-r", f"__ns:=/{side}", "-p", "watchdog:=60.0", "-p", "stale_after:=0.5"]
-            for item in node["remap"]:
-                words += ["-r", f"{item['from']}:={item['to']}"]
-            for item in node["param"]:
-                value = str(item["value"]).replace("$(dirname)", str(FOLDER))
-                value = value.replace(f"$(var {side}_port)", ports[side])
-                words += ["-p", f"{item['name']}:={value}"]
-            yield side, program("skin", *words, "-p", "tare:=false")
-
-
 @contextmanager
 def feeling(players, pushed: str | None):
     """Both skins feel nothing, or one of them a push."""
@@ -64,7 +44,8 @@ def feeling(players, pushed: str | None):
 
 
 @pytest.mark.ros
-def test_a_push_on_each_skin_stops_the_base_and_motion_away_passes(graph, plain):
+def test_a_push_on_each_skin_stops_the_base_and_motion_away_passes(graph, plain, ros2, tmp_path):
+    """By `ros2 launch`; a skin that is killed stops the base, and comes back."""
     from geometry_msgs.msg import Twist
 
     asked = Twist()
@@ -82,9 +63,18 @@ def test_a_push_on_each_skin_stops_the_base_and_motion_away_passes(graph, plain)
 
     with board() as front, board() as rear:
         players = {"front": front, "rear": rear}
-        graph.start("base", [sys.executable, str(FOLDER / "base.py")])
-        for side, words in skins({side: player.port for side, player in players.items()}):
-            graph.start(side, words)
+        folder = tmp_path / "robot"
+        shutil.copytree(FOLDER, folder)
+        with (folder / "skins.yaml").open("a") as skins:  # what plays may press from the start
+            for node, own in (
+                ("compensation", {"tare": False}),
+                ("serial_driver", {"watchdog": 60.0}),
+                ("stop_on_push", {"stale_after": 0.5}),
+            ):
+                skins.write(yaml.safe_dump({f"/**/{node}": {"ros__parameters": own}}))
+        stand_in(graph, tmp_path, "twist_mux")
+        ports = [f"{side}_port:={player.port}" for side, player in players.items()]
+        graph.launch("robot", folder / "robot.launch.yaml", "boards:=false", *ports)
         for pushed, outwards in SIDES.items():
             with feeling(players, None):
                 asked.linear.x = 0.2 * outwards
@@ -95,10 +85,12 @@ def test_a_push_on_each_skin_stops_the_base_and_motion_away_passes(graph, plain)
                 drives(-0.2 * outwards, f"pushed at the {pushed}: away from the hand")
         with feeling(players, None):
             drives(0.2, "free again")
-            graph.stop("front", 9)
+            os.kill(graph.processes_of("robot")["front/skin"], signal.SIGKILL)
             killed = time.monotonic()
             drives(0.0, "a skin is gone")
-        assert time.monotonic() - killed < 5.0
+            assert time.monotonic() - killed < 5.0
+            drives(0.2, "it is back")
+        graph.end_launch("robot", killed=1)
 
 
 @pytest.mark.ros

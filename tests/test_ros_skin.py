@@ -11,61 +11,8 @@ import pytest
 from support.plain import Plain
 from support.ros_graph import board, endless, skin
 
-from tactile_skin.physics.curve import PressureCurve
-
 ROOT = Path(__file__).parents[1]
 pytestmark = [pytest.mark.ros, pytest.mark.usefixtures("rclpy")]
-
-
-FILE = """
-/**: {ros__parameters: {circuit: {rows: 16, cols: 16}}}
-/**/serial_driver: {ros__parameters: {watchdog: 60.0}}
-/**/stop_on_push: {ros__parameters: {stale_after: 0.5}}  # a busy machine
-"""
-
-
-def test_two_skins_of_one_file_do_not_stop_one_another(graph, plain, tmp_path):
-    """A push, a fault and the death of one leave the other free."""
-    from diagnostic_msgs.msg import DiagnosticArray
-    from std_msgs.msg import Bool
-
-    path = tmp_path / "skin.yaml"
-    path.write_text(FILE)
-    stops = "/left/skin/stop", "/right/skin/stop"
-    plain.hear(Bool, *stops)
-    plain.hear(DiagnosticArray, "/left/skin/stop_status", "/right/skin/stop_status")
-    with board() as left, board() as right:
-        for side, player in (("left", left), ("right", right)):
-            words = ["-r", f"__ns:=/{side}", "--params-file", str(path)]
-            # a tare would wait for a touch to end; without one each cell rests as the curve says
-            words += ["-p", f"port:={player.port}", "-p", "tare:=false"]
-            graph.start(side, skin(*words))
-        with right.playing(endless("idle", seed=2, curve=PressureCurve())):
-            with left.playing(endless("idle", seed=1, curve=PressureCurve())):
-                plain.until(
-                    lambda: all(plain.last(t) and not plain.last(t).data for t in stops),
-                    "both are free",
-                    graph,
-                )
-            begin = len(plain.heard["/right/skin/stop_status"])
-            with left.playing(endless("push_left", seed=3, curve=PressureCurve())):
-                said(plain, graph, "/left/skin/stop_status", "push")
-            said(plain, graph, "/left/skin/stop_status", "stale")  # the board says nothing
-            graph.stop("left", 9)
-            time.sleep(1.0)
-        during = [m.status[0].message for m in plain.heard["/right/skin/stop_status"][begin:]]
-    assert len(during) > 100
-    # a machine so busy that its own readings come too late may stop it, nothing else
-    assert {reason.split(":")[0] for reason in during} <= {"", "stale"}
-    assert "" in during
-
-
-def said(plain, graph, topic: str, reason: str) -> None:
-    plain.until(
-        lambda: any(reason in m.status[0].message for m in plain.heard[topic][-100:]),
-        f"{topic} says {reason}",
-        graph,
-    )
 
 
 @pytest.mark.parametrize("stamped", [False, True])
@@ -214,16 +161,6 @@ def test_qos_of_a_publisher_is_overridden(graph, plain):
             lambda: reliability("/skin/pressure") == [ReliabilityPolicy.BEST_EFFORT], "it is", graph
         )
         plain.until(lambda: reliability("/skin/stop") == [ReliabilityPolicy.RELIABLE], "not", graph)
-
-
-def test_a_duration_ends_the_process(graph):
-    """And with it `ros2 launch`, which waits for all processes; the board ends by --once."""
-    with board() as player:
-        words = ["-p", f"port:={player.port}", "-p", "monitor:=true", "-p", "duration:=1.0"]
-        graph.start("skin", skin(*words))
-        with player.playing(endless("idle", seed=6)):
-            assert graph.processes["skin"].wait(60.0) == 0
-        assert "summary" in graph.said("skin")
 
 
 def test_ctrl_c_on_a_busy_computer():

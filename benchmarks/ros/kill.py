@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Kill -9 of each process of a skin on ROS 2: how long does the robot still move?
+"""Kill -9 of each process of `ros2 launch`: how long does the robot still move, when again?
 
-runs each node as a process, and `skin` with all of them in one, while a planner asks for motion;
-kills one at a random moment, so many times each. One that ends by itself, since ROS hides from it
-what others publish, is started again, as `respawn` does, and counted. The robot moves while cmd_vel
-is not zero, skin/stop is false, and neither has been silent for longer than docs/robot.md lets
-twist_mux and the base's controller wait. Counted is the time from the kill until it does not.
+runs skin.launch.yaml and body.launch.yaml of two skins with separate:=true, while a planner asks
+for motion; kills one process at a random moment, so many times each, which launch starts again. The
+robot moves while cmd_vel is not zero, skin/stop is false, and neither has been silent for longer
+than docs/robot.md lets twist_mux and the base's controller wait. Counted is the time from the kill
+until it does not, and until it does again, with a rest that is known: nothing is measured first.
 """
 
 from __future__ import annotations
 
+import contextlib
 import os
 import random
 import re
@@ -20,15 +21,18 @@ from pathlib import Path
 import numpy as np
 import yaml
 from support.plain import Plain
-from support.ros_graph import PATIENCE, Graph, Player, endless, program
+from support.ros_graph import PATIENCE, Graph, Player, board, endless
 
 from .. import harness
 from .interrupt import MOVES, until
 
 PAGE = Path(__file__).parents[2] / "docs" / "robot.md"
 NODES = ("serial_driver", "compensation", "gesture_feature", "stop_on_push", "cmd_vel_gate")
+SKINS = "chest", "back"
+LAUNCHES = {"skin": NODES, "body": (*(f"{name}/skin" for name in SKINS), "body", "cmd_vel_gate")}
+BY_SILENCE = "cmd_vel_gate", "body"  # whose end is silence on what the robot hears
 WATCHED = 0.6  # s after a kill
-LIMIT = 0.13  # s, 95th percentile; of the gate and `skin`, whose end is silence, twist_mux' timeout
+LIMIT = 0.13  # s, 95th percentile; where the end is silence, twist_mux' timeout
 
 
 def silence_allowed() -> dict[str, float]:
@@ -108,72 +112,76 @@ class Base:
 def main(arguments=None):
     parser = harness.parser(__doc__, __spec__)
     parser.add_argument("--times", type=int, default=20, help="that each is killed (default 20)")
-    parser.add_argument("--only", nargs="+", default=(*NODES, "skin"), help="who is killed")
+    parser.add_argument("--only", nargs="+", default=[*LAUNCHES], help="launch files, by name")
     parser.add_argument("--seed", type=int, default=1, help="of frames and moments (default 1)")
     args = parser.parse_args(arguments)
     dice, allowed = random.Random(args.seed), silence_allowed()
     print(f"[ms] from kill -9 until the robot stands; silence [s] for which it goes on: {allowed}")
-    figures: dict[str, list[float]] = {}
+    figures: dict[str, dict[str, list[float]]] = {}
     late = []
-    given = ["-p", "tare:=false", "-p", "cmd_vel_gate:=true"]
-    for kinds in (NODES, ("skin",)):
-        if not (asked := [kind for kind in kinds if kind in args.only]):
-            continue
-        player = Player()
-        port = ["-p", f"port:={player.port}"]
-        words = {
-            "serial_driver": port,
-            "compensation": given[:2],
-            "skin": port + given,
-        }
-        with Graph() as graph:
+    for launched in args.only:
+        with Graph() as graph, contextlib.ExitStack() as stack:
             os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-            with Plain(graph.env) as plain, player.playing(endless("idle", args.seed)):
-                base = Base(plain)
-                for kind in kinds:
-                    graph.start(kind, program(kind, *words.get(kind, ())))
-                for kind in asked:
-                    seconds, said, ended = killed(graph, base, kind, words, args.times, dice)
-                    figures[kind] = [round(s, 4) for s in seconds]
-                    median, high, most = 1e3 * np.percentile(seconds, [50, 95, 100])
-                    times = f"median {median:4.0f}  p95 {high:4.0f}  max {most:4.0f}"
-                    print(f"{kind:16} {times}  by a message {said:.0%}  ended {ended}", flush=True)
-                    limit = allowed["skin/stop"] if kind in ("skin", "cmd_vel_gate") else LIMIT
-                    late += [kind] if high > 1e3 * limit else []
-        player.close()
+            plain = stack.enter_context(Plain(graph.env))
+            players = {name: stack.enter_context(board()) for name in SKINS}
+            for player in players.values():
+                stack.enter_context(player.playing(endless("idle", args.seed)))
+            base, words = Base(plain), write(graph.folder, launched, players)
+            asked = ["separate:=true", "cmd_vel_gate:=true", "monitor:=false", *words]
+            graph.launch(launched, "tactile_skin", f"{launched}.launch.yaml", *asked)
+            for kind in LAUNCHES[launched]:
+                found = [killed(graph, base, launched, kind, dice) for _ in range(args.times)]
+                seconds, again, words_said = zip(*found, strict=True)
+                figures[f"{launched}: {kind}"] = {"stands": seconds, "again": again}
+                median, high, most = 1e3 * np.percentile(seconds, [50, 95, 100])
+                back = np.percentile(again, [50, 95])
+                print(
+                    f"{kind:16} median {median:4.0f}  p95 {high:4.0f}  max {most:4.0f}  "
+                    f"by a message {np.mean(words_said):.0%}  moves again after {back[0]:.1f} s, "
+                    f"p95 {back[1]:.1f} s",
+                    flush=True,
+                )
+                limit = allowed["skin/stop"] if kind in BY_SILENCE else LIMIT
+                late += [kind] if high > 1e3 * limit else []
     print(f"load {os.getloadavg()[0]:.1f}")
     print(f"later than allowed: {', '.join(late) or 'none'}")
     return figures
 
 
-def killed(graph, base, kind, words, times, dice) -> tuple[list[float], float, int]:
-    """Kill it so many times; the seconds that each took, the share by a message, who ended."""
-    seconds, said, ended = [], 0, 0
+def write(folder: Path, launched: str, players: dict[str, Player]) -> list[str]:
+    """Return the arguments of a launch: the file of its skins, whose rest is known, and ports."""
+    path = folder / f"{launched}.yaml"
+    data: dict = {"/**/compensation": {"ros__parameters": {"tare": False}}}
+    if launched == "body":
+        data["skins"] = {
+            name: {
+                "port": player.port,
+                "geometry": {"shape": "plane", "translation": [0.5 * k, 0.0, 0.0]},
+            }
+            for k, (name, player) in enumerate(players.items())
+        }
+    path.write_text(yaml.safe_dump(data))
+    port = [f"port:={players[SKINS[0]].port}"] if launched == "skin" else []
+    return [f"config:={path}", *port]
 
-    def moves() -> bool:
-        nonlocal ended
-        for name in [n for n, p in graph.processes.items() if p.poll() is not None]:
-            ended += 1
-            graph.start(name, program(name, *words.get(name, ())))
-        return base.moves
+
+def killed(graph: Graph, base: Base, launched: str, kind: str, dice) -> tuple[float, float, bool]:
+    """Kill it; after how long the robot stood, and moved again [s], and whether by a message."""
 
     def wait_until_it_moves() -> None:
-        if not until(moves, PATIENCE):
-            say = "\n".join(f"--- {name}: {graph.said(name)[-500:]}" for name in graph.processes)
+        if not until(lambda: base.moves, PATIENCE):
+            say = graph.said(launched)[-2000:]
             raise RuntimeError(f"the robot does not move: {base.lasts()}\n{say}")
 
-    for _ in range(times):
-        wait_until_it_moves()
-        time.sleep(dice.uniform(0.1, 0.6))
-        wait_until_it_moves()  # a busy computer has stopped it meanwhile
-        begin = time.monotonic()
-        graph.stop(kind, signal.SIGKILL)
-        time.sleep(WATCHED)
-        end, by_word = base.halts(begin)
-        seconds.append(end - begin)
-        said += by_word
-        graph.start(kind, program(kind, *words.get(kind, ())))
-    return seconds, said / times, ended
+    wait_until_it_moves()
+    time.sleep(dice.uniform(0.1, 0.6))
+    wait_until_it_moves()  # a busy computer has stopped it meanwhile
+    begin = time.monotonic()
+    os.kill(graph.processes_of(launched)[kind], signal.SIGKILL)
+    time.sleep(WATCHED)
+    end, by_word = base.halts(begin)
+    wait_until_it_moves()
+    return end - begin, time.monotonic() - begin, by_word
 
 
 if __name__ == "__main__":

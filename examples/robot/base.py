@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """A base: drives as cmd_vel says, and stands when it falls silent; publishes its velocity."""
 
+import contextlib
 import time
 
 import rclpy
 from geometry_msgs.msg import Twist
+from rclpy.executors import ExternalShutdownException
 
 SILENCE = 0.12  # s after which it stands, as docs/robot.md asks of a base
 PERIOD = 0.02  # s between two looks
@@ -25,7 +27,8 @@ def main() -> None:
 
     node.create_subscription(Twist, "cmd_vel", on_command, 1)
     node.create_timer(PERIOD, drive)
-    rclpy.spin(node)
+    with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException):  # Ctrl-C
+        rclpy.spin(node)
 
 
 if __name__ == "__main__":

@@ -136,7 +136,8 @@ class Admittance:
         self._trouble = ""
         one_side = np.linalg.norm(force) >= self.config.alignment * total
         if not (np.isfinite([*force, *torque]).all() and math.isfinite(total)):
-            self._trouble = "the wrench is not finite"
+            unknown = math.isfinite(total) and np.isnan(force).all()
+            self._trouble = "the wrench is not finite" + ": set geometry.shape" * bool(unknown)
         elif total > self.config.linear.dead_band and not one_side:
             self._trouble = "pushes from several sides"
 

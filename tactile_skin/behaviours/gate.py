@@ -108,8 +108,10 @@ class Gate:
             return
         self._seen, self._total = stamp, total
         vector, at = np.asarray(force, float), np.array(places, float, ndmin=2)
-        if not (np.isfinite(vector).all() and np.isfinite(at).all() and math.isfinite(total)):
+        if not (np.isfinite(at).all() and math.isfinite(total) and not np.isinf(vector).any()):
             self._push, self._trouble = None, "its force is not finite"
+        elif np.isnan(vector).any():
+            self._push, self._trouble = None, "its direction is unknown: set geometry.shape"
         elif total >= self.config.touch:
             length = float(np.linalg.norm(vector))
             if length >= self.config.alignment * total:

@@ -153,10 +153,12 @@ def is_simulated(port) -> bool:
 def _make_link(link: Path, name: str) -> None:
     """Link to the pty of this name; what is there and no dead board's stays as it is."""
     target = os.readlink(link) if link.is_symlink() else ""
-    # The pty of a board that was killed is gone, and its link dangles. A link to an unplugged
-    # device dangles as well, but leads elsewhere.
-    if target.rstrip(_DIGITS) == name.rstrip(_DIGITS) and not os.path.exists(target):
-        link.unlink()
+    # The pty of a board that was killed is gone, or a later one has its number, perhaps this: it
+    # is newer than the link. A link to an unplugged device dangles as well, but leads elsewhere.
+    if target.rstrip(_DIGITS) == name.rstrip(_DIGITS):
+        made = os.lstat(link).st_mtime
+        if target == name or not os.path.exists(target) or os.stat(target).st_ctime > made:
+            link.unlink()
     try:
         link.symlink_to(name)
     except FileExistsError:

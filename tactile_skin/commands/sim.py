@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 import threading
@@ -10,7 +11,6 @@ from pathlib import Path
 
 from ..middleware.config import read_skin
 from ..middleware.parameter_file import ParameterFile
-from ..middleware.processes import end_with_launcher
 from ..simulation import scenes, simulator
 from ..simulation.simulator import BAUD
 
@@ -25,7 +25,9 @@ def register(parser) -> None:
         "--link", type=Path, required=True, help="symbolic link to make, the port to open"
     )
     parser.add_argument(
-        "--once", action="store_true", help="end when whoever read the port has left"
+        "--once",
+        action="store_true",
+        help="end when whoever read the port, or started this, has left",
     )
     parser.add_argument(
         "--scene", default="demo", help=f"what it feels: {', '.join(scenes.SCRIPTS)} (default demo)"
@@ -45,6 +47,7 @@ def register(parser) -> None:
 
 def run(args) -> int:
     """Serve the board until a signal asks for the end."""
+    parent = os.getppid()  # another one, once it is gone
     for name, value, low in (("--baud", args.baud, 300), ("--seed", args.seed, 0)):
         if value is not None and value < low:
             raise ValueError(f"{name} = {value}: must be {low} or more")
@@ -56,7 +59,6 @@ def run(args) -> int:
         numbers.append(signal.SIGHUP)
     for number in numbers:
         signal.signal(number, lambda *_: done.set())
-    end_with_launcher(done.set)
 
     def ready():
         print(f"simulated board on {args.link}, scene {args.scene}", file=sys.stderr)
@@ -65,7 +67,11 @@ def run(args) -> int:
     given = args.noise, args.rate, args.seed, kind, skin.adc
     board = simulator.Board(skin.circuit, skin.curve, scene, *given)
     baud = args.baud or baud
-    simulator.serve(board, args.link, lambda: not done.is_set(), baud, ready, args.once)
+
+    def running() -> bool:
+        return not done.is_set() and not (args.once and os.getppid() != parent)
+
+    simulator.serve(board, args.link, running, baud, ready, args.once)
     return 0
 
 

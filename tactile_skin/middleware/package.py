@@ -22,7 +22,6 @@ NODES = {  # exec -> class, imported when it is started
     "monitor": "observers.monitor.Monitor",
     "push_arrow": "push_arrow.PushArrow",
     "view": "observers.view.View",
-    "tactile_state": "observers.tactile_state.TactileState",
 }
 # of each skin, in the way of the data
 SKIN_NODES = "serial_driver", "compensation", "gesture_feature", "stop_on_push"

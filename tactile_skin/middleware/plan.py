@@ -127,8 +127,6 @@ class Plan:
 
     programs: list[NodeAction] = field(default_factory=list)
     commands: list[list[str]] = field(default_factory=list)
-    # commands that run one of a body each: when it ends, the others go on
-    skins: list[list[str]] = field(default_factory=list)
     arguments: dict[str, Argument] = field(default_factory=dict)
 
     @cached_property

@@ -46,6 +46,7 @@ CONTACT = (
     "peak_bound",
 )
 _PRESSURE, _BOUND = "skin/pressure", "skin/pressure_bound"
+_NO_WAY = np.full(3, np.nan)  # vector of a push on a cover of unknown shape
 _CODE = {state: float(code) for code, state in enumerate(STATES)}
 
 
@@ -54,6 +55,7 @@ class GestureFeature:
 
     Publishes per frame, in the base frame: skin/contacts, skin/wrench, skin/centre,
     skin/push_direction with skin/push_confidence, skin/stroke [m/s] with skin/stroke_confidence.
+    Without the shape of the cover the vectors of a push are NaN, which is no force of 0 N.
     """
 
     def __init__(self, node):
@@ -65,7 +67,8 @@ class GestureFeature:
             at = np.array(given.geometry.translation)
             pose = Pose(rotation_of(*given.geometry.rpy), at)
             frames.publish_static(node, given.frame_id, given.skin_frame, pose)
-        if not self.geometry.normal.any():
+        self._faces = bool(self.geometry.normal.any())  # its shape is known
+        if not self._faces:
             node.get_logger().warning(
                 "geometry.shape is unknown: pushes have no direction and no wrench; "
                 "set it to plane, cylinder, sphere or table"
@@ -123,6 +126,8 @@ class GestureFeature:
         touches = self.tracker.update(seconds(header), frame)
         self._contacts.publish(contact_cloud(touches, header))  # first: the stop waits for it
         push = frame.push
+        if not self._faces:
+            push = push._replace(force=_NO_WAY, torque=_NO_WAY, direction=_NO_WAY)
         if heard(self._wrench):
             wrench = Wrench(_vector(push.force), _vector(push.torque))
             self._wrench.publish(WrenchStamped(header, wrench))

@@ -47,7 +47,7 @@ def arrow(tip: np.ndarray, direction: np.ndarray, length: float) -> list[np.ndar
         direction: where it points, a unit vector, or zero.
         length: of the shaft [m].
     """
-    if not direction.any():
+    if not direction @ direction > 0.0:  # nor for NaN, of an unknown shape
         return []
     flattest = np.eye(3)[np.argmin(np.abs(direction))]
     across = np.cross(direction, flattest)

@@ -34,14 +34,16 @@ from ..parameters.nodes import StopOnPush as Parameters
 from ..physics.proof import NOTHING
 from . import QUEUE, diagnostics, now, seconds
 
+HEARTBEAT = 0.02  # s, between decisions when no reading comes
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+# who asks for no later a message is informed of one that is late; an old "free" reaches nobody
+_STOP = dataclasses.replace(LATCHED, deadline=5 * HEARTBEAT, lifespan=50 * HEARTBEAT)
 STATUS_TOPIC = "skin/stop_status"
 # deep enough for a stop that lasts one decision not to be pushed out by the next
 STATUS = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 COUNTS_AS = "counts_as"  # key of a value: the force that the stop compares [N]
 PUSH = "push"  # key of a value: whether a push is on, whatever else stops the robot
 CAUSES = "causes"  # key of a value: what stops the robot, separated by spaces
-HEARTBEAT = 0.02  # s, between decisions when no reading comes
 # N, the largest quasi-static contact force that ISO/TS 15066 (2016), table A.2, permits: at thighs
 _BODY = 220.0
 _END = 0.95  # of the curve's last force, which noise keeps a cell from reading quite
@@ -103,7 +105,7 @@ class Decisions:
         self._node = node
         self.last: Decision | None = None
         self._closed = threading.Lock()  # never released once the final stop is published
-        self._stop = node.create_publisher(Bool, "skin/stop", LATCHED)
+        self._stop = node.create_publisher(Bool, "skin/stop", _STOP)
         self._status = node.create_publisher(DiagnosticArray, STATUS_TOPIC, LATCHED)
         self._to_all = diagnostics.Reporter(node, (diagnostics.ALL,))
         self._to_skin = diagnostics.Reporter(node, (diagnostics.TOPIC,))

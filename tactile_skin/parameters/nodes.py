@@ -205,11 +205,6 @@ class PushArrow:
 
 
 @dataclasses.dataclass(frozen=True)
-class TactileState:
-    """Has no parameters."""
-
-
-@dataclasses.dataclass(frozen=True)
 class Recorder:
     """Started by record:=FILE.mcap, or a folder."""
 
@@ -237,7 +232,6 @@ SECTIONS: dict[str, type] = {  # node -> its parameters, in the order of config/
     "monitor": Monitor,
     "view": View,
     "push_arrow": PushArrow,
-    "tactile_state": TactileState,
     "recorder": Recorder,
 }
 

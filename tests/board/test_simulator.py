@@ -191,6 +191,29 @@ def test_a_link_left_behind_is_replaced(tmp_path):
         assert link.exists()
 
 
+@pytest.mark.parametrize("later", ["its own", "another"])
+def test_the_link_of_a_killed_board_is_replaced_though_a_later_pty_has_its_number(tmp_path, later):
+    link, open_now = tmp_path / "skin", ()
+    master, slave = os.openpty()
+    link.symlink_to(os.ttyname(slave))
+    os.utime(link, (1.0, 1.0), follow_symlinks=False)  # long ago
+    if later == "another":
+        open_now = master, slave
+    else:
+        os.close(slave)
+        os.close(master)
+    with terminal.open_terminal(link):
+        assert (os.readlink(link) != os.ttyname(slave)) if open_now else link.exists()
+    for number in open_now:
+        os.close(number)
+
+
+def test_the_link_to_a_pty_that_is_open_stays(tmp_path):
+    link = tmp_path / "skin"
+    with terminal.open_terminal(link), pytest.raises(FileExistsError, match="made by somebody"):
+        terminal.open_terminal(link).__enter__()
+
+
 @pytest.mark.live
 def test_a_link_that_another_board_took_over_stays(tmp_path):
     link = tmp_path / "skin"

@@ -268,25 +268,26 @@ def test_one_board_by_two_names_is_refused_with_both_skins(tmp_path, write, monk
 
 @pytest.mark.parametrize("separate", [False, True])
 def test_what_ros2_launch_gives_the_program_body_is_taken(tmp_path, write, separate):
-    """launch_ros writes it into a file; with `separate` each skin becomes a program of its own."""
+    """launch_ros writes it into a file; with `separate` launch starts each skin, as this does."""
     config = write({name: section(name, tmp_path) for name in NAMES})
     given = {"config": str(config), "wait_for_port": 5.0, "method": "", "separate": separate}
-    path = tmp_path / "launch_params_x"
-    path.write_text(yaml.safe_dump({"/**": {"ros__parameters": given}}))
-    plan = ros.plan_of("body", split_arguments(["--ros-args", "--params-file", str(path)])[1])
-    Skin(ros.Plan(plan.nodes)).build()
-    nodes = {a.full_name: a.values() for a in plan.nodes}
-    if not separate:
-        assert len(nodes) == 4 * len(NAMES) + 1 and not plan.skins
-        assert nodes["/back/serial_driver"]["wait_for_port"] == 5.0
-        return
-    assert nodes.keys() == {"/body"}
-    for name, words in zip(NAMES, plan.skins, strict=True):
-        own = words[words.index("skin") + 1 :]
-        (skin, *_) = made = ros.plan_of("skin", split_arguments(own)[1]).nodes
-        assert [a.full_name for a in made] == [f"/{name}/{kind}" for kind in SKIN_NODES]
-        assert skin.values()["port"] == str(tmp_path / name)
-        assert skin.values()["wait_for_port"] == 5.0
+
+    def plan(program: str, *words: str):
+        path = tmp_path / "launch_params_x"
+        path.write_text(yaml.safe_dump({"/**": {"ros__parameters": given}}))
+        words = ["--ros-args", "--params-file", str(path), *words]
+        return ros.plan_of(program, split_arguments(words)[1])
+
+    nodes = {a.full_name: a.values() for a in plan("body").nodes}
+    if separate:
+        assert nodes.keys() == {"/body"} and nodes["/body"]["skins"] == list(NAMES)
+        del given["separate"]
+        for name in NAMES:
+            nodes |= {a.full_name: a.values() for a in plan("skin", "-r", f"__ns:=/{name}").nodes}
+    Skin(plan("body")).build()
+    assert len(nodes) == 4 * len(NAMES) + 1
+    assert nodes["/back/serial_driver"]["port"] == str(tmp_path / "back")
+    assert nodes["/back/serial_driver"]["wait_for_port"] == 5.0
 
 
 @pytest.mark.parametrize(

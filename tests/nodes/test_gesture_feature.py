@@ -7,15 +7,20 @@ import numpy as np
 import pytest
 from support.bench import Bench
 
+from tactile_skin.behaviours.stop import Decision
 from tactile_skin.msg import (
     Float32,
     Image,
     PointCloud2,
     Vector3Stamped,
+    WrenchStamped,
     cloud_columns,
     image,
 )
 from tactile_skin.nodes.gesture_feature import CONTACT, GestureFeature
+from tactile_skin.nodes.observers.latest import Latest
+from tactile_skin.nodes.stop_on_push import Decisions
+from tactile_skin.nodes.touch import xyz
 from tactile_skin.simulation.scenes import finger
 
 CELL_AREA = 1.44e-4  # m^2
@@ -49,6 +54,48 @@ class Skin(Bench):
 
 
 NOTHING = np.zeros((16, 16))
+
+
+def test_without_a_shape_a_push_has_a_force_and_no_vector():
+    """NaN, also of none: 0 would say that it is known, and that nothing pushes."""
+    skin = Skin(shape="unknown")
+    heard = defaultdict(list)
+    hear = skin.node("hear").create_subscription
+    hear(WrenchStamped, "skin/wrench", heard["wrench"].append, 10)
+    hear(Vector3Stamped, "skin/push_direction", heard["direction"].append, 10)
+    for force in (NOTHING, finger(16, 16, 7.5, 3.0, 5.0)):
+        skin.feel(force)
+        wrench, way = heard["wrench"][-1].wrench, heard["direction"][-1].vector
+        assert np.isnan([xyz(wrench.force), xyz(wrench.torque), xyz(way)]).all()
+    assert skin.contacts()["force"] == pytest.approx(5.0, rel=0.03)
+
+
+def test_the_latest_snapshot_is_of_one_reading_and_has_the_stop_of_now():
+    skin = Skin(shape="unknown")
+    latest = Latest(skin.node("latest"), ["/skin/stop_status"])
+    decisions = Decisions(skin.node("stop_on_push"))
+    std = skin.node("compensation").create_publisher(Image, "skin/pressure_std", 10)
+    force = finger(16, 16, 7.5, 3.0, 5.0)
+    skin.feel(force)
+    assert latest.snapshot() is None  # its std is on its way
+    std.publish(image(NOTHING + 2.0, "32FC1", skin.header()))
+    skin.feel(2.0 * force)
+    skin.executor.spin_some()
+    found = latest.snapshot()
+    assert found.stop and found.reason == "waiting: no message from the stop yet"
+    np.testing.assert_allclose(found.pressure, force / CELL_AREA, rtol=1e-6)
+    assert (found.std == 2.0).all() and found.force == pytest.approx(5.0, rel=0.03)
+    assert found.bound >= found.force and found.contacts["force"].sum() == found.force
+    assert np.isnan(found.wrench).all()
+    with pytest.raises(AttributeError):
+        found.force = 0.0
+    with pytest.raises(ValueError, match="read-only"):
+        found.wrench[0] = 0.0
+    decisions.publish(Decision(False, "", ()), {"good_for": "0.1"}, skin.header(), final=False)
+    skin.executor.spin_some()
+    assert not latest.snapshot().stop
+    skin.clock.advance(1.0)  # "free" is over
+    assert latest.snapshot().stop and latest.snapshot().stamp == found.stamp
 
 
 def test_a_contact_has_its_place_force_id_velocity_and_state():

@@ -129,19 +129,21 @@ class Graph:
 
     Attributes:
         env: the environment of its processes.
+        folder: of its own, removed at the end.
         processes: those that run, by name.
     """
 
     def __init__(self):
-        self._folder = Path(tempfile.mkdtemp(prefix="tactile_skin_ros_"))
+        self.folder = Path(tempfile.mkdtemp(prefix="tactile_skin_ros_"))
         self.processes: dict[str, subprocess.Popen] = {}
         self._count = 0
+        self._ends: dict[str, int] = {}  # launch -> SIGINT: SIGTERM leaves its processes
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
             port = probe.getsockname()[1]
         self.env = os.environ | {
-            "ROS_HOME": str(self._folder / "ros"),
-            "ROS_LOG_DIR": str(self._folder / "ros"),
+            "ROS_HOME": str(self.folder / "ros"),
+            "ROS_LOG_DIR": str(self.folder / "ros"),
             "ROS_DOMAIN_ID": str(port % 100),
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
             "OMP_NUM_THREADS": "1",
@@ -152,24 +154,60 @@ class Graph:
         return self
 
     def __exit__(self, *_) -> None:
-        for process in self.processes.values():
-            process.send_signal(signal.SIGTERM)
+        for name, process in self.processes.items():
+            if name not in self._ends:  # a second SIGINT would hurry it
+                process.send_signal(signal.SIGTERM)
         for name in tuple(self.processes):
-            self.stop(name)
-        shutil.rmtree(self._folder, ignore_errors=True)
+            self.stop(name, self._ends.get(name, signal.SIGTERM))
+        shutil.rmtree(self.folder, ignore_errors=True)
 
     def start(self, name: str, words: list[str]) -> None:
         with open(self.log(name), "ab") as log:
             self.processes[name] = subprocess.Popen(
-                words, env=self.env, stdout=log, stderr=log, start_new_session=True
+                words,
+                env=self.env,
+                stdout=log,
+                stderr=log,
+                start_new_session=True,
+                # who runs the tests in the background may ignore it
+                preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
             )
+
+    def launch(self, name: str, *words) -> None:
+        """Start `ros2 launch` with these words, which starts its own processes."""
+        self._ends[name] = signal.SIGINT
+        self.start(name, ["ros2", "launch", *map(str, words)])
+
+    def processes_of(self, name: str) -> dict[str, int]:
+        """Return those that a launch has started: namespace/program -> its number."""
+        found = {}
+        for folder in Path("/proc").glob("[0-9]*"):
+            with contextlib.suppress(OSError):
+                words = (folder / "cmdline").read_text().split("\0")
+                status = (folder / "stat").read_text().rpartition(")")[2].split()
+                if int(status[1]) == self.processes[name].pid and len(words) > 1:
+                    spaces = [w.partition(":=/")[2] for w in words if w.startswith("__ns:=/")]
+                    found["/".join([*filter(None, spaces), Path(words[1]).name])] = int(folder.name)
+        return found
+
+    def end_launch(self, name: str, killed: int = 0) -> None:
+        """Send Ctrl-C to a launch: all that it has started ends by itself, with status 0.
+
+        Args:
+            killed: how many of its processes were, before, and have started again.
+        """
+        status, said = self.stop(name, signal.SIGINT), self.said(name)
+        assert status == 0, said
+        assert "Traceback" not in said and "escalating" not in said, said
+        started, clean = said.count("process started with pid"), said.count("finished cleanly")
+        assert said.count("process has died") == killed and started == clean + killed > 0, said
 
     def start_node(self, action: launch.NodeAction) -> None:
         self.start(action.name, command(action))
 
     def log(self, name: str) -> Path:
         """What a process has printed."""
-        return self._folder / f"{name}.log"
+        return self.folder / f"{name}.log"
 
     def said(self, name: str) -> str:
         return self.log(name).read_text(errors="replace")
@@ -200,7 +238,7 @@ class Graph:
         """Start a plain subscriber, to all topics if none are named; its name."""
         self._count += 1
         name = f"listener_{self._count}"
-        path = self._folder / f"{name}.pickle"
+        path = self.folder / f"{name}.pickle"
         words = [
             sys.executable,
             str(Path(__file__).with_name("listen_rclpy.py")),
@@ -229,10 +267,65 @@ class Graph:
 
     def heard(self, name: str) -> list[tuple]:
         """End the subscriber; what it noted: (topic, arrival [s], stamp [ns], values)."""
-        path = self._folder / f"{name}.pickle"
+        path = self.folder / f"{name}.pickle"
         self.stop(name)
         with path.open("rb") as file:
             return pickle.load(file)  # our own file
+
+
+_STAND_IN = """#!/bin/sh
+trap 'exit 0' INT
+echo "$@" > $0.said
+while :; do sleep 0.1; done
+"""
+
+
+def stand_in(graph, folder, package: str) -> Path:
+    """Install a package with a program of its name; where that writes its arguments, and waits."""
+    index = folder / "share" / "ament_index" / "resource_index" / "packages"
+    for made in (index, folder / "share" / package, folder / "lib" / package):
+        made.mkdir(parents=True, exist_ok=True)
+    (index / package).touch()
+    program = folder / "lib" / package / package
+    program.write_text(_STAND_IN)
+    program.chmod(0o755)
+    graph.env["AMENT_PREFIX_PATH"] = f"{folder}:{graph.env['AMENT_PREFIX_PATH']}"
+    return program.with_suffix(".said")
+
+
+class Status:
+    """What a stop says last, of a skin or of a body.
+
+    Attributes:
+        causes, skins: what stops it, and which of a body's.
+    """
+
+    def __init__(self, plain, topic: str = "skin/stop_status"):
+        from diagnostic_msgs.msg import DiagnosticArray
+
+        self._plain, self._topic = plain, topic
+        plain.hear(DiagnosticArray, topic)
+
+    def __getattr__(self, key: str) -> list[str]:
+        values = self._plain.last(self._topic).status[0].values
+        return next(pair.value for pair in values if pair.key == key).split()
+
+    @property
+    def message(self) -> str:
+        return self._plain.last(self._topic).status[0].message
+
+    def free(self) -> bool:
+        return self._said() and not self.causes
+
+    def forget(self) -> None:
+        """Count only what comes from here on."""
+        del self._plain.heard[self._topic][:]
+
+    def _said(self) -> bool:
+        return self._plain.last(self._topic) is not None
+
+    def pushed(self) -> bool:
+        return self._said() and "push" in self.causes
 
 
 def plan_of(port: str, **parameters) -> dict[str, launch.NodeAction]:

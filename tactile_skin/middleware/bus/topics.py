@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import enum
+import math
 import threading
 from collections import defaultdict, deque
 from dataclasses import dataclass
@@ -36,6 +37,9 @@ class QoSProfile:
     durability: DurabilityPolicy = DurabilityPolicy.VOLATILE  # TRANSIENT_LOCAL is "latched"
     # on ROS; who subscribes with BEST_EFFORT hears publishers of both kinds
     reliability: ReliabilityPolicy = ReliabilityPolicy.RELIABLE
+    # on ROS: s between two messages at most, and after which one says nothing; infinite: never
+    deadline: float = math.inf
+    lifespan: float = math.inf
 
     def __post_init__(self):
         if self.depth < 1:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import functools
 import logging
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -309,7 +310,10 @@ class RosNode(bus.Node):
 def _quality(end) -> dict:
     """Return the QoS of a publisher or subscription; parameters `qos_overrides` change it."""
     options = rclpy.qos_overriding_options.QoSOverridingOptions.with_default_policies()
-    profile = rclpy.qos.QoSProfile(**vars(end.qos_profile))
+    given = {name: value for name, value in vars(end.qos_profile).items() if value != math.inf}
+    for name in {"deadline", "lifespan"} & given.keys():
+        given[name] = rclpy.duration.Duration(seconds=given[name])
+    profile = rclpy.qos.QoSProfile(**given)
     return {"qos_profile": profile, "qos_overriding_options": options}
 
 

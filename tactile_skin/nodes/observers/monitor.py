@@ -210,7 +210,7 @@ class Monitor:
             return
         now = self._now()
         push = "no push direction"
-        if any(self._direction):
+        if any(abs(v) > 0.0 for v in self._direction):  # not NaN, of an unknown shape
             push = "push ({:+.2f} {:+.2f} {:+.2f})".format(
                 *(round(v, 2) + 0.0 for v in self._direction)
             )
