@@ -20,9 +20,8 @@ WORLD = """<mujoco><option timestep="0.002"/><worldbody>
   <body pos="{x} 0.02 0.06"><freejoint/><geom type="sphere" size="0.03" mass="0.5"/></body>
 </worldbody></mujoco>"""
 FEATURES = {
-    "observation.tactile.raw": {"dtype": "float32", "shape": (16, 16), "names": None},
-    "observation.tactile.force": {"dtype": "float32", "shape": (16, 16), "names": None},
-    "observation.state": {"dtype": "float32", "shape": (1,), "names": ["truth"]},
+    f"observation.{name}": {"dtype": "float32", "shape": shape, "names": None}
+    for name, shape in (("raw", (16, 16)), ("force", (16, 16)), ("truth", (1,)))
 }
 circuit = Circuit()
 dataset = LeRobotDataset.create("me/touch", 100, FEATURES, root=sys.argv[1], use_videos=False)
@@ -33,8 +32,8 @@ for x in (-0.03, 0.03):
         mujoco.mj_step(model, data)
         if skin.step(data):
             force = compensate(skin.raw[0], circuit, skin.curves[0]).force
-            values = skin.raw[0], force, [skin.force.sum()]
-            frame = dict(zip(FEATURES, (np.array(v, np.float32) for v in values), strict=True))
+            values = (np.float32(v) for v in (skin.raw[0], force, [skin.force.sum()]))
+            frame = dict(zip(FEATURES, values, strict=True))
             dataset.add_frame(frame | {"task": "fall"})
     dataset.save_episode()
 dataset.finalize()
