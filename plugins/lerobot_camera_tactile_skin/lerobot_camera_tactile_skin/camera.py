@@ -122,6 +122,8 @@ class TactileSkinCamera(Camera):
             except (EOFError, OSError, ValueError, pickle.UnpicklingError):
                 found = self._error or "the process that reads it has ended"
             with self._news:
+                if child is not self._child:
+                    return
                 if isinstance(found, str):
                     self._error = found
                 else:

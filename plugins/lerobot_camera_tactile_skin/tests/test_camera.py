@@ -91,6 +91,23 @@ def test_a_board_that_is_gone_is_marked_where_asked(opened, touched):
     assert np.isnan(Rgb().pressure(camera.read_latest(200), (16, 16))).all()
 
 
+def test_the_stop_hook_is_called_where_the_board_is_read(opened, touched, tmp_path, monkeypatch):
+    (tmp_path / "noting.py").write_text(
+        "def note(stop, reason):\n"
+        f"    print(stop, reason, file=open({str(tmp_path / 'said')!r}, 'a'))\n"
+    )
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=":")
+    camera, said = opened(stop_hook="noting:note"), tmp_path / "said"
+    touched[-1].board.scene = lambda t: np.full((16, 16), 0.3)  # N, 77 in all
+    begun = time.perf_counter()
+    while "True push" not in said.read_text():
+        assert time.perf_counter() - begun < SOON
+        time.sleep(0.05)
+    assert not camera.frame.fault
+    camera.disconnect()
+    assert said.read_text().splitlines()[-1] == "True the skin is closed"
+
+
 def test_a_readout_that_is_wrong_raises_its_reason(opened, touched):
     camera = opened()
     touched[-1].board.matrix.full_scale = [3, 20]
