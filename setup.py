@@ -111,6 +111,13 @@ setup(
         "train": ["torch>=2.1", "tqdm>=4.66"],
         "progress": ["tqdm>=4.66"],  # of benchmarks
         "record": ["mcap>=1.6", "rosbags>=0.10", "joblib>=1.3"],
+        "lerobot": [
+            "mcap>=1.6",
+            "rosbags>=0.10",
+            "pandas>=2.0",
+            "pyarrow>=15.0",
+        ],  # --export lerobot
+        "mujoco": ["mujoco>=3.0"],
         "gestures": ["scikit-learn>=1.3"],  # to train, not to name
         "view": ["websockets>=14.0"],
         "charts": ["matplotlib>=3.8"],

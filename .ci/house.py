@@ -11,13 +11,13 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 MARGIN = 1.03  # times the decided size that is allowed: the house grows by a decision only
 DECIDED = {  # what -> size as of 28 November 2026: lines, words or constants
-    "package, Python lines": 37871,
+    "package, Python lines": 38235,
     "package, C lines": 1045,
     "package, page lines": 2441,
-    "tests, Python lines": 35500,
-    "benchmarks, Python lines": 12150,
-    "docs, words": 37150,
-    "numeric constants of modules": 906,
+    "tests, Python lines": 35800,
+    "benchmarks, Python lines": 12430,
+    "docs, words": 37950,
+    "numeric constants of modules": 910,
 }
 TRACKED = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True)
 FILES = [ROOT / name for name in TRACKED.stdout.splitlines()]

@@ -104,3 +104,12 @@ def test_without_pytorch_the_extra_is_named(monkeypatch, capsys, tmp_path):
     line = "tactile-skin train: error: needs PyTorch: pip install 'tactile_skin[train]'\n"
     assert capsys.readouterr().err == line
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_robot_imports_nothing_of_what_learning_needs():
+    """Not even with the modules that use it; `install_requires` is tested above."""
+    ours = ("launch", "opened", "cli", "commands.replay", "recording.lerobot", "simulation.mujoco")
+    code = "import sys; " + "; ".join(f"import tactile_skin.{name}" for name in ours)
+    code += "; print({'lerobot', 'mujoco', 'pyarrow', 'pandas', 'torch'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], cwd=SOURCE, capture_output=True, text=True)
+    assert done.stdout == "set()\n", done.stderr

@@ -16,7 +16,7 @@ import numpy as np
 from ..arguments import split
 from ..extras import each, track
 from ..middleware.config import SkinConfig, part_of
-from ..recording import Recording
+from ..recording import Recording, lerobot
 from ..recording.convert import export, to_recording
 from ..recording.frames import Frames, is_recording, read_frames, recorded_skin
 from ..replay.results import STATUS, Compared, Job, Results, collect, compare, table
@@ -32,13 +32,15 @@ examples:
   tactile-skin replay touches.mcap config:=calibrated.yaml --out again.mcap
   tactile-skin replay touches.mcap --compare auto naive
   tactile-skin replay touches.mcap --export touches.npz
+  tactile-skin replay monday.mcap tuesday.mcap --export lerobot dataset/ --jobs 2
   tactile-skin replay monday.mcap tuesday.mcap --compare auto naive --jobs 2
   tactile-skin replay foreign.csv config:=foreign.yaml rate:=60 --out foreign.mcap
 name:=value:
   method     of the compensation (default: as recorded)
   config     parameter file in place of all recorded parameters, as one that calibrate wrote
   namespace  of the skin, where a recording holds several
-  rate       frames a second, of files without times (default 100)
+  rate       frames a second, of files without times (default 100); rows a second of a
+             LeRobotDataset (default 30)
   full_scale what an input at the supply reads, where a file holds no ADC steps: 5.0 of volts"""
 
 _KINDS = {"method": str, "config": str, "namespace": str, "rate": float, "full_scale": float}
@@ -55,7 +57,10 @@ def register(parser) -> None:
         "--out", type=Path, help="recording to make of what the nodes publish (.mcap)"
     )
     parser.add_argument(
-        "--export", type=Path, help="write the readings to .npy, .npz or .csv, and end"
+        "--export",
+        nargs="+",
+        metavar=("FILE", "lerobot DIR"),
+        help="write the readings to .npy, .npz or .csv, or a LeRobotDataset to DIR, and end",
     )
     parser.add_argument(
         "--jobs",
@@ -68,10 +73,14 @@ def register(parser) -> None:
 
 def run(args) -> int:
     """Return the exit status."""
-    files, given = split(args.words, _KINDS)
+    to, *rest = args.export or [""]
+    dataset = to == "lerobot" and rest.pop(0) if rest else ""
+    files, given = split(rest + args.words, _KINDS)
     if not files:
         raise ValueError("give a FILE, or several")
-    if len(files) > 1 and (args.out or args.export):
+    if to == "lerobot" and not dataset:
+        raise ValueError("--export lerobot: give a DIR after it")
+    if len(files) > 1 and (args.out or (args.export and not dataset)):
         raise ValueError(f"--out and --export are of one FILE, not of {len(files)}")
     method, config = given.get("method", ""), given.get("config")
     for name in [method] * bool(method) + (args.compare or []):
@@ -80,12 +89,14 @@ def run(args) -> int:
     if args.jobs < 1 or (args.out and args.jobs > 1):
         raise ValueError(f"--jobs = {args.jobs}: must be 1 or more, and 1 with --out")
     namespace = given.get("namespace", "")
-    if args.export:
+    if args.export and not dataset:
         skin = recorded_skin(files[0], config, namespace)
-        return _export(files[0], args.export, skin, given)
+        return _export(files[0], Path(to), skin, given)
     with tempfile.TemporaryDirectory(prefix="tactile_skin_") as folder:
         paths = [recording_of(path, Path(folder), config, given)[0] for path in files]
         tasks = [Job(path, namespace, method, config or "") for path in paths]
+        if dataset:
+            return _dataset(tasks, dataset, given.get("rate", lerobot.RATE), args.jobs)
         if len(files) > 1:
             return _fleet(dict(zip(files, tasks, strict=True)), args.compare or [], args.jobs)
         if args.compare:
@@ -149,6 +160,21 @@ def _export(path: str, out: Path, skin: SkinConfig, given: dict) -> int:
     source = Recording(path, given.get("namespace", "")) if is_recording(path) else frames
     export(source, frames, out)
     print(f"{out}: {len(frames.values)} frames")
+    return 0
+
+
+def _dataset(tasks: list[Job], out: str, rate: float, jobs: int) -> int:
+    """Export recordings; those that hold readings only, or are to be solved again, are replayed."""
+    with tempfile.TemporaryDirectory(prefix="tactile_skin_") as folder:
+        made = []
+        for number, task in enumerate(tasks):
+            ready = lerobot.is_ready(Recording(task.path, task.namespace))
+            if not ready or task.method or task.config:
+                task = replace(task, out=str(Path(folder) / f"{number}.mcap"))
+                collect(task, 1, _track)
+            made.append(task.out or task.path)
+        rows = lerobot.export(made, out, tasks[0].namespace, rate, jobs)
+    print(f"{out}: {rows} rows, {len(tasks)} episodes, {rate:g} rows a second")
     return 0
 
 

@@ -72,9 +72,14 @@ def encode(message: Message) -> bytes:
     return bytes(_store().serialize_cdr(message, message.TYPE))
 
 
-def decode(kind: type[_M], data: bytes) -> _M:
-    """CDR -> a message of msg.py (ValueError: bytes that are no such message)."""
+def decode(kind: type[_M], data: bytes, like: bool = False) -> _M:
+    """CDR -> a message of msg.py (ValueError: bytes that are no such message).
+
+    Args:
+        like: one with the same attributes will do, in half the time.
+    """
     try:
-        return from_ros(kind, _store().deserialize_cdr(data, kind.TYPE))
+        message = _store().deserialize_cdr(data, kind.TYPE)
+        return message if like else from_ros(kind, message)
     except Exception as error:  # of generated code: whatever a wrong byte leads to
         raise ValueError(f"{len(data)} bytes are no {kind.TYPE}: {error!r}") from error
