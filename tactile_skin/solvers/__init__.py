@@ -6,7 +6,7 @@ fixed_point.py  the literature's iteration, and the paper's naive method
 learned.py      the networks                newton.py     the exact inverse
 map.py          noise-aware, with prior.py  auto.py       the cheapest that the frame allows
 suspect.py      tests of the circuit model  evidence.py   of what lies in series
-aside.py        without bad contacts        levels.py     of lines that share a sum
+aside.py        without bad contacts        fit.py        from a fit to forces, and levels of lines
 """
 
 from __future__ import annotations

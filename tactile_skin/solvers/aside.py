@@ -12,17 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .estimate import Estimate
+from .fit import Fit
 from .prior import force_of
 from .reading import NEAR_REST, Reading
 from .suspect import model_variance, saturation
-
-if TYPE_CHECKING:
-    from .map import Fit
 
 # Share of the readings of a frame that carry a value. Chosen on the first halves of recordings of
 # real insoles, scored on their second halves (benchmarks/accuracy/boards.py).
@@ -39,7 +36,7 @@ _CHI = 2.2  # of a reading that carries a value, on average, without those that 
 _WORST = 0.5  # of the worst one's, from which on others are set aside in the same round
 _ROUNDS = 6
 
-Refit = Callable[[Reading, np.ndarray], "Fit"]
+Refit = Callable[[Reading, np.ndarray], Fit]
 
 
 def without_bad_contacts(reading: Reading, fit: Refit, g: np.ndarray) -> Estimate | None:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
@@ -21,9 +20,9 @@ from ..physics.readouts import BOUND
 from . import prior as prior_terms
 from . import suspect
 from .aside import without_bad_contacts
-from .estimate import Estimate, spread, where_unread
+from .estimate import Estimate
+from .fit import Fit, Step
 from .fixed_point import START_STEPS, fill, first_guess, iterate, last_guess
-from .levels import with_levels, without
 from .prior import NormalEquations, Point
 from .reading import NEAR_REST, OUTLIER, ROUNDING_NOISE, SCAN_NOISE, Reading, noise_at_rest
 
@@ -45,7 +44,6 @@ _UNCHANGED = 2.2  # standard deviations of chi^2 up to which a frame is that of 
 _ANOTHER = 1.3  # times the force of a lighter picture from which on a heavier one is another
 _LIGHTEST = 0.5  # of its conductance at rest, that a cell keeps from which a cover lifts
 _LIGHTER_STEPS = 2
-_WIDEN = 1.2  # what the measured coverage requires; not of loads on all cells
 # Noise that is measured in the frame (docs/derivation.md).
 _MAX_FITS = 6  # that may be made
 _LOUD = 2.0  # times `SCAN_NOISE`: a fit that did not know of it is no start for another
@@ -170,45 +168,6 @@ def _fit(
     return Fit(reading, point, step, broad, steps + iterations, finding, failure)
 
 
-class Fit(NamedTuple):
-    """What a fit found, before forces and their standard deviations are made of it."""
-
-    reading: Reading
-    point: Point
-    step: _Step
-    broad: bool  # whether its prior is that of a load on all of the skin
-    iterations: int
-    finding: Finding | None
-    failure: str  # why it has not converged; empty: it has
-
-    @property
-    def status(self) -> str:
-        """As of `Estimate`."""
-        return suspect.status_of(self.finding, self.failure)[0]
-
-    @property
-    def g(self) -> np.ndarray:
-        """(rows, cols) conductance [S]."""
-        return self.point.model.g
-
-    def estimate(self) -> Estimate:
-        """Return forces, and how sure they are."""
-        converged = self.step.solved and not self.failure
-        force, std, adc = _forces(self.reading, self.point, self.step, converged, self.broad)
-        status, message = suspect.status_of(self.finding, self.failure)
-        return Estimate(
-            force,
-            std,
-            self.reading.residual(adc),
-            status,
-            message,
-            "map",
-            self.iterations,
-            self.reading.noise,
-            finding=self.finding,
-        )
-
-
 def _is_lighter(reading: Reading, estimate: Estimate, finding: Finding) -> bool:
     """Whether a misfit is that of cells that conduct less than at rest, but `_LIGHTEST` of it."""
     (free,) = reading.circuit.populated.ravel().nonzero()
@@ -232,59 +191,9 @@ def _is_lighter(reading: Reading, estimate: Estimate, finding: Finding) -> bool:
     return suspect.by_residual(reading, reading.model(g), ROUNDING_NOISE) is None
 
 
-def _forces(
-    reading: Reading, point: Point, step: _Step, converged: bool, broad: bool
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the force of each cell [N], its standard deviation [N] and the ADC ratio it gives.
-
-    Each is (rows, cols). Where a fit has converged, each cell is smoothed with its neighbours, or
-    the level of each line found where readings share a sum; the ADC ratio is then the fit's.
-    """
-    circuit, equations = reading.circuit, step.equations
-    g, std_x, adc = point.model.g, _std_x(point, equations), point.model.adc
-    # Readings that share a sum share its error, of which each cell's standard deviation tells
-    # the network nothing: it then trusts neighbours too much.
-    independent = not circuit.readout_class.shares_sum
-    if converged and not broad and independent and equations is not None:
-        smoothed = prior_terms.with_neighbours(reading, point, equations, std_x)
-        g, std_x, adc = smoothed or (g, std_x, adc)
-    cells = circuit.populated
-    of_lines = equations if converged and not independent else None
-    log_g = np.log(np.where(cells, g, 1.0))
-    force = reading.curve.force_at(log_g) * cells
-    wide = 1.0 if of_lines is not None or (broad and independent) else _WIDEN
-    std = spread(reading.curve, log_g, wide * std_x) * cells
-    if of_lines is not None:
-        force, std = with_levels(reading, point, of_lines, broad, std)
-        std = _WIDEN * std
-    any_force = reading.known & cells & (reading.adc >= circuit.near_short)
-    if equations is not None and reading.topped.any():
-        std = np.hypot(std, spread(reading.curve, log_g, _held(reading, point, equations)) * cells)
-    at_end = reading.topped | any_force
-    if at_end.any():  # up to the curve's end all is as likely
-        end = reading.curve.max_force
-        more = np.maximum(end - force, np.where(any_force, 0.5 * end, 0.0)) / 3**0.5
-        std = np.where(at_end, np.maximum(std, more), std)
-    return force, where_unread(reading, point.model, force, std, equations), adc
-
-
-def _held(reading: Reading, point: Point, equations: NormalEquations) -> np.ndarray:
-    """(rows, cols) standard deviation of x that is hidden where topped readings are held.
-
-    They may lie anywhere above it, and draw the others along.
-    """
-    free, held = equations.unknowns, np.zeros(point.x.shape)
-    ends = np.flatnonzero(reading.topped & (point.model.weight > 0.0)).astype(np.int32)
-    root = point.model.jacobian(ends, free) * point.gx.ravel()[free]
-    covariance = equations.covariance
-    more = (without(covariance, root.T) - covariance).diagonal()
-    held.flat[free] = np.sqrt(np.maximum(more, 0.0))
-    return held
-
-
 def _converge(
     reading: Reading, point: Point, broad: bool, warm: bool
-) -> tuple[Point, _Step, int, bool]:
+) -> tuple[Point, Step, int, bool]:
     """Gauss-Newton from a point: the last point and step, their number, whether that is the end."""
     costs = [point.cost]
     iterations, settled = 0, False
@@ -333,7 +242,7 @@ def _with_noise_at_rest(reading: Reading, g: np.ndarray) -> Reading:
     return reading.with_noise(SCAN_NOISE if noise is None else noise)
 
 
-def _noise_left(reading: Reading, point: Point, step: _Step) -> float:
+def _noise_left(reading: Reading, point: Point, step: Step) -> float:
     """RMS noise [ADC steps] by what a fit leaves, corrected for what its unknowns absorbed.
 
     The distance of outliers does not count; where the unknowns absorb nearly all readings, the
@@ -347,15 +256,7 @@ def _noise_left(reading: Reading, point: Point, step: _Step) -> float:
     return float(((square + usual) / (left + _USUAL_COUNT)) ** 0.5)
 
 
-class _Step(NamedTuple):
-    free: np.ndarray  # (n,) flat indices of the unknowns
-    dx: np.ndarray  # (n,) change of log g
-    gain: float  # predicted, in units of 1/2 chi^2
-    equations: NormalEquations | None = None  # of the unknowns that met no bound; None: not formed
-    solved: bool = True  # False: the numbers are beyond what its equations can hold
-
-
-def _gauss_newton(reading: Reading, point: Point) -> _Step:
+def _gauss_newton(reading: Reading, point: Point) -> Step:
     low, high = reading.bounds
     g, circuit = point.model.g, reading.circuit
     # A cell at rest joins if it alone would gain enough, compared with the best: a touch that moved
@@ -370,20 +271,20 @@ def _gauss_newton(reading: Reading, point: Point) -> _Step:
     moves = moves if circuit.mask is None else moves & circuit.mask
     (free,) = moves.ravel().nonzero()
     if not free.size:
-        return _Step(free, np.zeros(0), 0.0)
+        return Step(free, np.zeros(0), 0.0)
     b, between = slope.flat[free], prior_terms.differences(circuit)
     if free.size > _DENSE:
         dx = _conjugate_gradients(point, between, free, b)
         solved = bool(np.isfinite(dx).all())
-        return _Step(free, dx, 0.5 * b @ dx, solved=solved)
+        return Step(free, dx, 0.5 * b @ dx, solved=solved)
     information = prior_terms.information(point.jacobian(free))
     precision = prior_terms.precision(information, point.prior, between, free)
     dx, factor, inside = solve_in_box(precision, b, *point.ends(free))
     # The factor of a matrix with overflows is unusable, though LAPACK may return one.
     if factor is None or not np.isfinite(precision.diagonal()).all() or not np.isfinite(dx).all():
-        return _Step(free, dx, 0.0, solved=False)
+        return Step(free, dx, 0.0, solved=False)
     equations = NormalEquations(free, inside, information, factor)
-    return _Step(free, dx, float(0.5 * b @ dx), equations)
+    return Step(free, dx, float(0.5 * b @ dx), equations)
 
 
 def _conjugate_gradients(point: Point, between, free: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -400,7 +301,7 @@ def _conjugate_gradients(point: Point, between, free: np.ndarray, b: np.ndarray)
     return conjugate_gradients(product, lambda r: r / diagonal, b)
 
 
-def _descend(reading: Reading, point: Point, step: _Step, broad: bool, ceiling) -> Point:
+def _descend(reading: Reading, point: Point, step: Step, broad: bool, ceiling) -> Point:
     """Take the step, or as much of it as stays below `ceiling`; the old point if none does."""
     if not step.free.size:
         return point
@@ -411,14 +312,3 @@ def _descend(reading: Reading, point: Point, step: _Step, broad: bool, ceiling) 
             return new
         dx = 0.4 * dx
     return point
-
-
-def _std_x(point: Point, equations: NormalEquations | None) -> np.ndarray:
-    """(rows, cols) standard deviation of x: of the posterior for cells that met no bound.
-
-    From each one's own reading and prior alone for cells held at a bound.
-    """
-    std_x = 1.0 / np.sqrt(point.curvature + 1e-12)
-    if equations is not None:
-        std_x.flat[equations.unknowns] = np.sqrt(equations.inverse.diagonal())
-    return std_x

@@ -1,23 +1,141 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The last step where readings share a sum: how much the cells of a line conduct together.
+"""What a fit of `map` found, and the forces that follow from it, with their standard deviations.
+
+Forces cost as much as the fit. They are made of the one that is kept.
 
 The readings of a grounded sense line determine the shares of its cells. How much these conduct
 together follows from what they leave of the supply, and a hard load leaves little but noise. A fit
 then is where its prior pulls it, which counts each of a line's cells as if it said something of its
-own, and its slopes there say too much of harder loads (docs/derivation.md).
+own, and its slopes there say too much of harder loads (docs/derivation.md). So the level of each
+line has a distribution, and forces are means over it.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from .estimate import spread
+from ..findings.finding import Finding
+from . import prior, suspect
+from .estimate import Estimate, spread, where_unread
 from .prior import SPREAD, NormalEquations, Point, differences, force_of
 from .reading import NEAR_REST, Reading
 
+_WIDEN = 1.2  # what the measured coverage requires; not of loads on all cells
 _NODES = 15  # at which a level's distribution is taken
 _FAR = 4.0  # standard deviations to which it is followed
 _LEAST = 1e-3  # share of a precision that is left without the prior's part in it: less is rounding
+
+
+class Step(NamedTuple):
+    """One step of Gauss-Newton."""
+
+    free: np.ndarray  # (n,) flat indices of the unknowns
+    dx: np.ndarray  # (n,) change of log g
+    gain: float  # predicted, in units of 1/2 chi^2
+    equations: NormalEquations | None = None  # of the unknowns that met no bound; None: not formed
+    solved: bool = True  # False: the numbers are beyond what its equations can hold
+
+
+class Fit(NamedTuple):
+    """What a fit found, before forces and their standard deviations are made of it."""
+
+    reading: Reading
+    point: Point
+    step: Step
+    broad: bool  # whether its prior is that of a load on all of the skin
+    iterations: int
+    finding: Finding | None
+    failure: str  # why it has not converged; empty: it has
+
+    @property
+    def status(self) -> str:
+        """As of `Estimate`."""
+        return suspect.status_of(self.finding, self.failure)[0]
+
+    @property
+    def g(self) -> np.ndarray:
+        """(rows, cols) conductance [S]."""
+        return self.point.model.g
+
+    def estimate(self) -> Estimate:
+        """Return forces, and how sure they are."""
+        converged = self.step.solved and not self.failure
+        force, std, adc = _forces(self.reading, self.point, self.step, converged, self.broad)
+        status, message = suspect.status_of(self.finding, self.failure)
+        return Estimate(
+            force,
+            std,
+            self.reading.residual(adc),
+            status,
+            message,
+            "map",
+            self.iterations,
+            self.reading.noise,
+            finding=self.finding,
+        )
+
+
+def _forces(
+    reading: Reading, point: Point, step: Step, converged: bool, broad: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the force of each cell [N], its standard deviation [N] and the ADC ratio it gives.
+
+    Each is (rows, cols). Where a fit has converged, each cell is smoothed with its neighbours, or
+    the level of each line found where readings share a sum; the ADC ratio is then the fit's.
+    """
+    circuit, equations = reading.circuit, step.equations
+    g, std_x, adc = point.model.g, _std_x(point, equations), point.model.adc
+    # Readings that share a sum share its error, of which each cell's standard deviation tells
+    # the network nothing: it then trusts neighbours too much.
+    independent = not circuit.readout_class.shares_sum
+    if converged and not broad and independent and equations is not None:
+        smoothed = prior.with_neighbours(reading, point, equations, std_x)
+        g, std_x, adc = smoothed or (g, std_x, adc)
+    cells = circuit.populated
+    of_lines = equations if converged and not independent else None
+    log_g = np.log(np.where(cells, g, 1.0))
+    force = reading.curve.force_at(log_g) * cells
+    wide = 1.0 if of_lines is not None or (broad and independent) else _WIDEN
+    std = spread(reading.curve, log_g, wide * std_x) * cells
+    if of_lines is not None:
+        force, std = with_levels(reading, point, of_lines, broad, std)
+        std = _WIDEN * std
+    any_force = reading.known & cells & (reading.adc >= circuit.near_short)
+    if equations is not None and reading.topped.any():
+        std = np.hypot(std, spread(reading.curve, log_g, _held(reading, point, equations)) * cells)
+    at_end = reading.topped | any_force
+    if at_end.any():  # up to the curve's end all is as likely
+        end = reading.curve.max_force
+        more = np.maximum(end - force, np.where(any_force, 0.5 * end, 0.0)) / 3**0.5
+        std = np.where(at_end, np.maximum(std, more), std)
+    return force, where_unread(reading, point.model, force, std, equations), adc
+
+
+def _held(reading: Reading, point: Point, equations: NormalEquations) -> np.ndarray:
+    """(rows, cols) standard deviation of x that is hidden where topped readings are held.
+
+    They may lie anywhere above it, and draw the others along.
+    """
+    free, held = equations.unknowns, np.zeros(point.x.shape)
+    ends = np.flatnonzero(reading.topped & (point.model.weight > 0.0)).astype(np.int32)
+    root = point.model.jacobian(ends, free) * point.gx.ravel()[free]
+    covariance = equations.covariance
+    more = (without(covariance, root.T) - covariance).diagonal()
+    held.flat[free] = np.sqrt(np.maximum(more, 0.0))
+    return held
+
+
+def _std_x(point: Point, equations: NormalEquations | None) -> np.ndarray:
+    """(rows, cols) standard deviation of x: of the posterior for cells that met no bound.
+
+    From each one's own reading and prior alone for cells held at a bound.
+    """
+    std_x = 1.0 / np.sqrt(point.curvature + 1e-12)
+    if equations is not None:
+        std_x.flat[equations.unknowns] = np.sqrt(equations.inverse.diagonal())
+    return std_x
 
 
 def with_levels(
