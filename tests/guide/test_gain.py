@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import yaml
 from support.lab.unknown import Unknown
+from support.marks import ci, slow
 from support.strangers.sim import finger
 from support.weights import known
 from test_guide import Person
@@ -105,7 +106,8 @@ def test_a_gain_that_makes_up_for_a_wrong_r_ref_is_refused(board, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("r_ref", "light", "proof"), [(1.0, False, WEIGHT), (2.0, False, WEIGHT), (10.0, True, NOTHING)]
+    ("r_ref", "light", "proof"),
+    [slow(1.0, False, WEIGHT), (2.0, False, WEIGHT), ci(10.0, True, NOTHING)],
 )
 def test_weights_prove_what_touches_explain(board, tmp_path, r_ref, light, proof):
     """A wrong r_ref is as good as the right one with the r_par that reads alike, found or not."""

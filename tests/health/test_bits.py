@@ -4,6 +4,7 @@
 import numpy as np
 import pytest
 from health.seen import Samples, seen
+from support.marks import slow
 
 from tactile_skin import Circuit
 from tactile_skin.health.bits import Bits
@@ -56,8 +57,8 @@ def test_a_bit_that_is_wrong_from_the_start_is_named_by_its_gaps(bit, kept):
     assert watch and f"ADC bit {bit}: always {kept}" in watch[-1]
 
 
-@pytest.mark.parametrize(("scale", "bits"), [(1, 10), (4, 12), (16, 14)])
-@pytest.mark.parametrize("most", [60.0, 300.0, 900.0])
+@pytest.mark.parametrize(("scale", "bits"), [(1, 10), slow(4, 12), (16, 14)])
+@pytest.mark.parametrize("most", [slow(60.0), 300.0, slow(900.0)])
 def test_sound_boards_have_none_also_where_a_sketch_scales_them(scale, bits, most):
     for seed in (1, 2, 3):
         frames = touches(60, seed, most)

@@ -19,6 +19,7 @@ def table():
     return table_of(list(simulated(range(12), 3, 12, ("lean", "wall"), KNOWN)))
 
 
+@pytest.mark.ci
 def test_people_that_it_has_not_seen_are_understood(table):
     shares, classes = left_out(table, trees=30), np.unique(table.label)
     right = classes[shares.argmax(1)] == table.label

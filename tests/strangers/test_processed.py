@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from strangers.test_advice import minus_baseline, played
-from support.marks import ci
+from support.marks import ci, slow
 from support.strangers import sim
 
 from tactile_skin import Circuit, diagnose
@@ -182,8 +182,8 @@ def test_calibrate_says_it(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("dead", "readout"),
     [
-        *((0, "floating"), (0, "loaded"), (5, "loaded"), (400, "floating")),
-        *(ci(5, "floating"), ci(400, "loaded")),
+        *((0, "floating"), ci(0, "loaded"), (5, "loaded"), slow(400, "floating")),
+        *(slow(5, "floating"), ci(400, "loaded")),
     ],
 )
 def test_a_running_skin_is_never_free_and_says_why(dead, readout):
