@@ -5,9 +5,10 @@ trap '[ -n "${GITHUB_STEP_SUMMARY-}" ] || cat "$table"; rm -rf "$scratch"' EXIT
 [ -s "$table" ] || printf '| where | what came of it |\n|---|---|\n' > "$table"
 
 ran() { # WHERE COMMAND...: run it, and note its last line
-  local where=$1 status=0
+  local where=$1 status=0 said
   shift
-  "$@" 2>&1 | tee "$scratch/said" || status=$?
-  printf '| %s | %s |\n' "$where" "$(tail -n 1 "$scratch/said" | tr -d '=|')" >> "$table"
+  said=$(mktemp -p "$scratch")
+  "$@" 2>&1 | tee "$said" || status=$?
+  printf '| %s | %s |\n' "$where" "$(tail -n 1 "$said" | tr -d '=|')" >> "$table"
   return $status
 }

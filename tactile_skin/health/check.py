@@ -69,6 +69,8 @@ class Seen(NamedTuple):
     stirs: bool  # whether anything touches, however lightly
     rest: np.ndarray | None  # (rows, cols) ADC ratio of the skin at rest; None: not measured yet
     noise: float  # RMS of a reading, as ADC ratio
+    # (rows, cols) of the untouched cells [ohm]; None: not measured yet
+    resting: np.ndarray | float | None = None
     opens: float = 0.0  # as `Tare.opens`
     recovers: bool = False  # whether what lies below the rest is what a touch leaves for seconds
     window: Window | None = None  # of the last frames, which this one ends; None: it ends none

@@ -7,9 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..calibration.touched import TOUCHED
+from ..calibration.touched import STIRRED, TOUCHED
 from ..findings.finding import Finding, Kind, Severity
 from ..physics.adc import Adc
+from ..physics.circuit import forward
 from ..physics.readouts import apparent
 from ..solvers import Estimate
 from ..solvers.suspect import BEYOND, LIGHTER
@@ -43,7 +44,7 @@ CHECKS: list[type[Check]] = [
 _SWING = 0.35
 _RETURNS = 0.9
 _LOUD = 2.0  # times the noise, by which a reading is off
-# Share of a reading at rest by which one that was raised undershoots, and the time constant with
+# Share of its conductance at rest by which a cell that bore a load undershoots, the time with
 # which that fades [s]: Velostat under a robot rests 25 to 40 % lower after a release, for 5 s.
 _UNDERSHOOT = 0.45
 _RECOVERS = 2.5
@@ -61,7 +62,8 @@ class SkinMonitor:
         # shares of the suspect frames in which each is below the rest, and clearly above it
         self._below = np.zeros(adc.circuit.shape)
         self._above = np.zeros(adc.circuit.shape)
-        self._raised = np.full(adc.circuit.shape, -np.inf)  # s, when each was clearly above last
+        self._pressed = np.full(adc.circuit.shape, -np.inf)  # s, when each bore a load last
+        self._low = -np.inf  # s, when a reading was seen below the rest, as such a load leaves it
         self._t = np.inf  # s, of the suspect frame before
         self.begin_anew()
         self.forget_doubts()
@@ -123,15 +125,21 @@ class SkinMonitor:
 
     def _recovers(self, seen: Seen) -> bool:
         """Whether what lies below the rest is what a touch leaves for some seconds."""
-        if seen.rest is None:
+        if seen.resting is None or seen.rest is None:
             return False
+        self._pressed[seen.estimate.force > STIRRED] = seen.t
+        allowed = _UNDERSHOOT * np.exp((self._pressed - seen.t) / _RECOVERS)
         circuit, adc = self._adc.circuit, np.where(np.isnan(seen.adc), seen.rest, seen.adc)
-        rest = seen.rest * (apparent(circuit, adc)[0] / apparent(circuit, seen.rest)[0])
-        off = adc - rest
-        self._raised[off > BEYOND * seen.noise] = seen.t  # noise alone raises none
-        allowed = _UNDERSHOOT * np.exp((self._raised - seen.t) / _RECOVERS) * rest
-        lately = (allowed > seen.noise).any()
-        return bool(lately and (off >= -allowed - BEYOND * seen.noise).all())
+        if not (allowed * seen.rest > seen.noise).any():
+            return False
+        least = forward(circuit, seen.resting / (1.0 - allowed))
+        scale, margin = apparent(circuit, adc)[0], BEYOND * seen.noise
+        least *= scale / apparent(circuit, least)[0]
+        explained = bool((adc >= least - margin).all())
+        rest = seen.rest * (scale / apparent(circuit, seen.rest)[0])
+        if explained and (adc < rest - margin).any():
+            self._low = seen.t
+        return explained and seen.t - self._low < 2.0 * _RECOVERS
 
     def _misses(self, adc, estimate: Estimate) -> bool:
         """Whether a frame misses by more than `LARGE`, and by more than it has changed."""

@@ -186,10 +186,12 @@ class Follower:
             self.bound = upper_bound(upper, std, self.circuit, self._tare.curve, self.unknown)
         touched = self.force >= TOUCHED
         stirs = touched or bool(np.count_nonzero(estimate.force > STIRRED) >= STIRRED_CELLS)
-        rest = rest_reading(self.circuit, self._tare.curve) if self._tare.measured else None
+        curve, known = self._tare.curve, self._tare.measured
+        rest = rest_reading(self.circuit, curve) if known else None
+        ohm = curve.rest_resistance if known else None
         noise = (self._tare.noise or SCAN_NOISE) / self.circuit.full_scale
         rising, opens = self._adc.rising(samples), self._tare.opens
-        seen = Seen(t, samples, rising, adc, estimate, stirs, rest, noise, opens)
+        seen = Seen(t, samples, rising, adc, estimate, stirs, rest, noise, ohm, opens)
         self._monitor.frame(seen, judged=self.fitted)
         if self.waits and self._tare.measured:  # doubts no longer count, nor this frame's
             self.waits = False

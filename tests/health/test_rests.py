@@ -114,7 +114,9 @@ def test_a_fabric_that_rests_lower_after_a_touch_stops_nothing(readout, fades, s
         now = forward(circuit, ohm) + 0.3 * rng.standard_normal((8, 8)) / 1023
         said = compensate(now, circuit, curve, "auto", noise=0.3)
         given = {"force": said.force, "samples": np.uint16(np.round(now * 65472)), "adc": now}
-        frame = seen(t, noise=0.3 / 1023, rest=rest, **given)._replace(estimate=said)
+        frame = seen(t, noise=0.3 / 1023, rest=rest, **given)._replace(
+            estimate=said, resting=curve.rest_resistance
+        )
         monitor.frame(frame, judged=True)
         faults.append(monitor.doubtful or any(f.stops for f in monitor.findings()))
     assert any(faults[30:]) is stops, faults

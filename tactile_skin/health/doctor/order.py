@@ -216,7 +216,8 @@ def _smoothest(pictures: np.ndarray) -> list[int]:
     bare = np.zeros((len(pictures), 1, pictures.shape[2]))  # beyond the edges
     flat = np.concatenate([pictures, bare], 1).swapaxes(0, 1).reshape(count + 1, -1)
     apart = np.array([np.abs(flat - line).sum(1) for line in flat])
-    alike = np.exp(-apart[:-1, :-1] / np.median(apart[:-1, :-1]))
+    between = apart[:-1, :-1]
+    alike = np.exp(-between / max(float(between.max()), np.finfo(float).tiny))
     _, vectors = np.linalg.eigh(np.diag(alike.sum(1)) - alike)
     spectral = np.argsort(vectors[:, 1]).tolist()
     if np.corrcoef(spectral, np.arange(count))[0, 1] < 0.0:
