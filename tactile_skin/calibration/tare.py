@@ -176,7 +176,7 @@ class Tare:
         if self.opens and np.median(window.mean[self._circuit.populated]) * full < LEAST_STEPS:
             self.unseen = False
             off = window.mean[self._circuit.populated] * full  # steps that its zeros are off
-            self.noise = float(np.hypot(self.noise or 0.0, np.sqrt(np.square(off).mean())))
+            self.noise = float(np.hypot(window.spread, np.square(off).mean() ** 0.5)) or self.noise
             read = np.where(window.mean * full > LEAST_STEPS, window.mean, 0.0)
             return not self.measured and self._learn(read, window.noise)
         self.opens = 0.0  # it conducts

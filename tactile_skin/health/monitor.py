@@ -132,14 +132,14 @@ class SkinMonitor:
         circuit, adc = self._adc.circuit, np.where(np.isnan(seen.adc), seen.rest, seen.adc)
         if not (allowed * seen.rest > seen.noise).any():
             return False
-        least = forward(circuit, seen.resting / (1.0 - allowed))
         scale, margin = apparent(circuit, adc)[0], BEYOND * seen.noise
-        least *= scale / apparent(circuit, least)[0]
-        explained = bool((adc >= least - margin).all())
         rest = seen.rest * (scale / apparent(circuit, seen.rest)[0])
-        if explained and (adc < rest - margin).any():
+        if (adc < rest - margin).any():
+            least = forward(circuit, seen.resting / (1.0 - allowed))
+            if (adc < least * (scale / apparent(circuit, least)[0]) - margin).any():
+                return False
             self._low = seen.t
-        return explained and seen.t - self._low < 2.0 * _RECOVERS
+        return seen.t - self._low < 2.0 * _RECOVERS
 
     def _misses(self, adc, estimate: Estimate) -> bool:
         """Whether a frame misses by more than `LARGE`, and by more than it has changed."""
