@@ -128,6 +128,8 @@ class SkinMonitor:
         if seen.resting is None or seen.rest is None:
             return False
         self._pressed[seen.estimate.force > STIRRED] = seen.t
+        # the clock may be set back
+        self._pressed, self._low = np.minimum(self._pressed, seen.t), min(self._low, seen.t)
         allowed = _UNDERSHOOT * np.exp((self._pressed - seen.t) / _RECOVERS)
         circuit, adc = self._adc.circuit, np.where(np.isnan(seen.adc), seen.rest, seen.adc)
         if not (allowed * seen.rest > seen.noise).any():

@@ -184,8 +184,8 @@ def _edges(mask: np.ndarray | None, shape: tuple[int, int], axis: int) -> slice:
     """Return which lines are left without those at the edges in which ``mask`` has no cell."""
     if mask is None or mask.shape != shape or not mask.any():
         return slice(None)
-    first, *_, last = np.flatnonzero(mask.any(axis)).repeat(2).tolist()
-    return slice(first, last + 1)
+    lines = np.flatnonzero(mask.any(axis))
+    return slice(int(lines[0]), int(lines[-1]) + 1)
 
 
 @concerning("circuit")

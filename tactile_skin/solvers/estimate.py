@@ -140,8 +140,9 @@ def where_unread(reading, model, force: np.ndarray, std: np.ndarray, equations=N
     if equations is not None:
         touched = equations.unknowns[~unread.flat[equations.unknowns]]
         taken = model.jacobian(readings, touched).astype(float) * g.flat[touched]
-    # their log g is known to 1
-    factor = np.linalg.cholesky(taken.T @ taken + np.eye(taken.shape[1]))
+    # their log g is known to 1; and what rounding may take of a large sum is given back
+    more = 1.0 + taken.shape[1] * np.finfo(float).eps * np.square(taken).sum()
+    factor = np.linalg.cholesky(taken.T @ taken + more * np.eye(taken.shape[1]))
 
     def chi2(left: np.ndarray) -> np.ndarray:
         absorbed = solve_triangular(factor, taken.T @ left, lower=True, check_finite=False)
@@ -160,14 +161,13 @@ def where_unread(reading, model, force: np.ndarray, std: np.ndarray, equations=N
     up = (end > g).flat[cells]
     bend = np.clip(bend, np.where(up, 1.0, _ROUNDING), np.where(up, np.inf, 1.0))
     misfit = model.misfit.flat[readings][:, None]
-    log_g = np.linspace(np.log(low), np.log(high), _TRIED)  # (tried, rows, cols)
-    part = ((np.exp(log_g) - g) / (end - g)).reshape(_TRIED, -1)[:, cells, None]
-    change = there.T * bend.T * part / (1.0 + (bend.T - 1.0) * part)
-    left = (misfit.T - change).reshape(-1, readings.size).T
-    more = chi2(left).reshape(_TRIED, -1) - chi2(misfit)
-    times = np.sqrt(np.maximum(more, 1.0))
-    off = np.abs(curve.force_at(log_g) - force).reshape(_TRIED, -1)[:, cells]
-    least = np.where(times < _FAR, off / times, 0.0).max(0)
+    before, least = chi2(misfit), np.zeros(cells.size)
+    for log_g in np.linspace(np.log(low), np.log(high), _TRIED):
+        part = ((np.exp(log_g) - g) / (end - g)).flat[cells]
+        change = there * bend * part / (1.0 + (bend - 1.0) * part)
+        times = np.sqrt(np.maximum(chi2(misfit - change) - before, 1.0))
+        off = np.abs(curve.force_at(log_g) - force).flat[cells]
+        least = np.where(times < _FAR, np.maximum(least, off / times), least)
     full = curve.max_force
     any_force = np.sqrt(((full - force) ** 3 + force**3) / (3.0 * full))
     std = std.copy()

@@ -120,3 +120,17 @@ def test_a_fabric_that_rests_lower_after_a_touch_stops_nothing(readout, fades, s
         monitor.frame(frame, judged=True)
         faults.append(monitor.doubtful or any(f.stops for f in monitor.findings()))
     assert any(faults[30:]) is stops, faults
+
+
+def test_a_clock_that_is_set_back_after_a_touch_costs_no_exception():
+    circuit = Circuit(8, 8)
+    adc, rest = Adc(circuit), forward(circuit, np.full((8, 8), CURVE.rest_resistance))
+    monitor = SkinMonitor(adc, 0.0)
+    for t, share in ((100.0, 1.0), (100.1, 0.8), (4.0, 0.8), (4.1, 0.8)):
+        force = np.full((8, 8), float(t == 100.0))
+        now = forward(circuit, CURVE.resistance(force) / share)
+        said = compensate(now, circuit, CURVE, "auto", noise=0.3)
+        given = {"force": said.force, "samples": np.uint16(np.round(now * 65472)), "adc": now}
+        frame = seen(t, noise=0.3 / 1023, rest=rest, **given)
+        monitor.frame(frame._replace(estimate=said, resting=CURVE.rest_resistance), judged=True)
+    assert not monitor.doubtful

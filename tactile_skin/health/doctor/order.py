@@ -81,18 +81,14 @@ def misplaced(seen: Recorded, skip, cells=(), pressed=()) -> list[Finding]:
         beside = {line for a, line in skip if a != axis} | {cell[1 - axis] for cell in cells}
         across = [k for k in range(seen.circuit.shape[1 - axis]) if k not in beside]
         turned = seen.turned(axis, pictures)[:, used][:, :, across]
-        if ordered := reordered(turned):
-            order, votes = [used[k] for k in ordered[0]], ordered[1]
-            words = " ".join(map(str, order))
-            return [
-                Finding(
-                    Kind.SWAPPED,
-                    "order",
-                    **lines(axis, *order),
-                    numbers=votes._asdict(),
-                    detail=words,
-                )
-            ]
+        # an order is entered with all lines
+        if len(used) == seen.circuit.shape[axis] and (ordered := reordered(turned)):
+            order, votes = ordered
+            of, words = lines(axis, *order), " ".join(map(str, order))
+            numbers = votes._asdict()
+            finding = Finding(Kind.SWAPPED, "order", **of, numbers=numbers, detail=words)
+            found.append((votes.share, finding))
+            continue
         if (best := _exchanged(turned)) is None:
             continue
         pair, votes = (used[k] for k in best[0]), best[1]
@@ -100,7 +96,11 @@ def misplaced(seen: Recorded, skip, cells=(), pressed=()) -> list[Finding]:
         odd = {cell[axis] for cell in pressed} & {*of.get("rows", ()), *of.get("cols", ())}
         if votes.share > _PRESSED_GAIN or not odd:
             found.append((votes.share, Finding(Kind.SWAPPED, **of, numbers=votes._asdict())))
-    return [max(found, key=lambda pair: pair[0])[1]] if found else []
+    found.sort(key=lambda pair: -pair[0])
+    first = [finding for _, finding in found[:1]]
+    # rows and columns may both be in another order
+    also = [f for _, f in found[1:] if f.form == "order" == first[0].form]
+    return first + also
 
 
 def _pictures(seen: Recorded) -> np.ndarray:
