@@ -8,7 +8,8 @@ A person calibrates with ten things and a minute of presses, and waits 6 s betwe
 things are laid on then: `found` over `stated` is their RMS error over the one that the fit states.
 `hold`: times 20 N that a palm may be after 0.3, 1.3 and 59 s. Five days later all cells have 0.77
 to 1.3 times their gain, and pushes rise to 60 N (`days`); after `calibrate --gain` they do so again
-(`gain`). `left`: felt 1 s after a release over the peak; `free`: s from it until the robot is.
+(`gain`). Free `once launched`: before the first push. `left`: felt 1 s after a release over the
+peak; `free`: s from it until the robot is.
 """
 
 from __future__ import annotations
@@ -255,6 +256,7 @@ def pushes(mat: Mat, path: Path, count: int) -> dict:
     true, felt = scene.force, record.found.sum((1, 2))
     true = np.maximum(true.sum((1, 2)), true.max((1, 2)) * PUSH / PEAK)
     found: dict = {"true": [], "felt": [], "left": [], "free": [], "reasons": record.reasons}
+    found["live"] = bool((~record.stopped[: scene.spans[0][0]]).any())
     for begin, end in scene.spans:
         stops = begin + np.flatnonzero(record.stopped[begin:end])
         push = stops.size and not record.faulted[stops[0]]
@@ -347,6 +349,8 @@ def table(boards: list[dict], costs: dict[str, float]) -> None:
         say(f"{part}: missed", f"{np.isinf(true).sum()}", not np.isinf(true).any())
         say(f"{part}: by a fault", f"{np.count_nonzero(true == 0.0)}", not (true == 0.0).any())
         say(f"{part}: left after 1 s", f"{left.max():.2%}", left.max() <= 0.01)
+        live = sum(f["live"] for f in found)
+        say(f"{part}: free once launched", f"{live} of {len(found)} boards", live == len(found))
         say(f"{part}: free after", f"{free.max():.2f} s", free.max() <= FREE)
     found = [b for b in boards if "found" in b]
     if found:

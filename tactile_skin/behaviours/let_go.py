@@ -9,12 +9,15 @@ from __future__ import annotations
 
 from collections import deque
 
-# What presses is let go as its force falls to a share within some time, and by a share of its
-# largest: hands take 3 s at most from full force to none. Creep, or a zero that follows the
-# reading, with a time constant of 1 s or more takes a quarter away in this time.
-_FALL = 0.3  # s
+# What presses is let go as its force falls to a share within some time, by a share of its largest,
+# and then stands or is gone: hands take 3 s at most from full force to none. A zero that follows
+# the reading with a time constant of 1 s takes as much away in this time, and does not end there.
+_FALL = 0.4  # s
 _FALLS_TO = 2.0 / 3.0  # of what it was then
-_FALLS_BY = 0.1  # of the largest
+_FALLS_BY = 0.12  # of the largest
+_STANDS = 0.1  # s in which a force that stands keeps
+_KEEPS = 0.95  # of itself: by as much a time would fall what falls by a fifth in `_FALL`
+_GONE = 0.05  # of the largest
 
 
 class Pressing:
@@ -40,8 +43,10 @@ class Pressing:
         while len(last) > 1 and last[1][0] <= t - _FALL:
             last.popleft()  # the last one before a gap stays
         before = max((felt for _, felt in last), default=0.0)
+        just = [felt for at, felt in last if at >= t - _STANDS] or [f for _, f in last][-1:]
         last.append((t, force))
         self._largest = max(self._largest, force)
         fell = force <= _FALLS_TO * before and before - force >= _FALLS_BY * self._largest
-        self.force = force if fell else max(self.force, force)
+        ended = force <= _GONE * self._largest or force >= _KEEPS * max(just, default=0.0)
+        self.force = force if fell and ended else max(self.force, force)
         self._largest = self._largest if self.force else 0.0

@@ -29,6 +29,8 @@ _KEPT = 0.85
 _CLEAR = 10.0
 _STEEP = 30.0  # times it that they differ by, and fall by: else noise hides that a hand's differ
 _EXACT = 1.5
+# Times what their forces differ from one share: a hand that loosens keeps that of forces, or none
+_BETTER = 0.25
 # Share of what was left half of this time ago that stands: an exponential fall to `_KEPT` or less
 # in the first half goes on by as much in the second.
 _STANDS_AT = 0.95
@@ -86,34 +88,51 @@ class MovingZero(Check):
 
     def forget(self) -> None:
         self.found: Finding | None = None
-        self._last: deque[tuple[float, np.ndarray]] = deque()  # s, (rows, cols) [ADC steps]
+        # s, (rows, cols) [ADC steps], force (rows, cols) [N]
+        self._last: deque[tuple[float, np.ndarray, np.ndarray]] = deque()
 
     def frame(self, seen: Seen) -> None:
         last = self._last
         if seen.rest is None or (last and seen.t < last[-1][0]):
             last.clear()
             return
-        last.append((seen.t, np.nan_to_num(seen.adc - seen.rest) * self._full))
+        read = np.nan_to_num(seen.adc - seen.rest) * self._full
+        last.append((seen.t, read, np.asarray(seen.estimate.force)))
         while len(last) > 2 and last[1][0] <= seen.t - _SPAN:
             last.popleft()
         if self.found is None and len(last) > 1:
             noise = max(seen.noise * self._full, ROUNDING_NOISE)
             half = seen.t - _SPAN / 2.0
-            between = next((read for t, read in reversed(last) if t <= half), last[0][1])
-            if (share := fell_together(last[0][1], between, last[-1][1], noise)) is not None:
+            between = next((past for t, past, _ in reversed(last) if t <= half), last[0][1])
+            error = max(MODEL_ERROR, _BETTER * _apart(last[0][2], last[-1][2]))
+            if (share := fell_together(last[0][1], between, read, noise, error)) is not None:
                 self.found = Finding(
                     Kind.ZEROS, "moves", Severity.FAULT, numbers={"share": 1.0 - share}
                 )
 
 
+def _apart(one: np.ndarray, other: np.ndarray) -> float:
+    """Return the RMS by which an array differs from a share of one, over that of this one."""
+    square = float(np.sum(one * one))
+    if not square:
+        return 0.0
+    off = other - float(np.sum(one * other)) / square * one
+    return float(np.sqrt(np.sum(off * off) / square))
+
+
 def fell_together(
-    before: np.ndarray, between: np.ndarray, now: np.ndarray, noise: float
+    before: np.ndarray,
+    between: np.ndarray,
+    now: np.ndarray,
+    noise: float,
+    error: float = MODEL_ERROR,
 ) -> float | None:
     """Return the share of readings over those at rest that is left, if all of them fell alike.
 
     Args:
         before, between, now: (rows, cols) over the rest, at three times [ADC steps].
         noise: RMS of a reading [ADC steps].
+        error: relative, by which they may miss one share.
     """
     pressed = before > _CLEAR * noise
     one, middle, other = before[pressed], between[pressed], now[pressed]
@@ -122,11 +141,13 @@ def fell_together(
     fell, share = one - other, float(one @ other / (one @ one))
     if not 1.0 - _KEPT < share < _KEPT or np.sqrt(np.square(fell).mean()) < _STEEP * noise:
         return None
-    by_share = np.inf
-    if other @ middle > _STANDS_AT * (middle @ middle):  # a low-pass would bring it to rest
-        by_share = np.square(other - share * one).mean() / (1.0 + share**2)
+    square = np.square(one).mean()
+    alike = np.square(other - share * one).mean() / (1.0 + share**2)
+    # a low-pass would bring it to rest
+    stands = other @ middle > _STANDS_AT * (middle @ middle)
+    by_share = stands and alike < (_EXACT * noise) ** 2 + error**2 * square
     left = other > _CLEAR * noise  # the others are back at rest
     moved = np.count_nonzero(left) >= FEW and fell[left].mean() > _STEEP * noise
-    by_amount = fell[left].var() / 2.0 if moved else np.inf
-    exact = (_EXACT * noise) ** 2 + np.square(MODEL_ERROR * one).mean()
-    return share if min(by_share, by_amount) < exact else None
+    exact = (_EXACT * noise) ** 2 + MODEL_ERROR**2 * square
+    by_amount = moved and fell[left].var() / 2.0 < exact
+    return share if by_share or by_amount else None

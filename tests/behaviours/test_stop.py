@@ -485,6 +485,24 @@ def test_a_push_that_fades_is_held_until_it_is_let_go(fades, seconds):
     assert not feed(policy, end + 0.3, 0.5, 0.0).stop, "touched again, and let go"
 
 
+@pytest.mark.parametrize("rate", [12, 25, 100])
+def test_forces_fade_faster_than_readings_where_the_curve_is_steep(rate):
+    """A zero that follows in 1 s takes half of a palm's newtons in 0.3 s, and goes on so."""
+    policy = StopPolicy(StopConfig(threshold=30.0, release=20.0))
+    feed(policy, 0.0, 0.5, 0.0)
+    for k in range(8 * rate):
+        assert policy.reading(0.5 + k / rate, 45.0 * math.exp(-k / rate / 0.45)).stop
+
+
+@pytest.mark.parametrize("rate", [5, 12, 100])
+def test_a_push_is_over_where_a_hand_stays_and_presses_less(rate):
+    policy = StopPolicy(StopConfig(threshold=30.0, release=20.0))
+    t = [k / rate for k in range(4 * rate)]
+    for at in t:
+        policy.reading(at, 35.0 if at < 2.0 else 15.0)
+    assert not policy.decide(t[-1]).stop
+
+
 def test_what_was_let_go_in_part_and_then_fades_is_held():
     policy = StopPolicy(StopConfig(threshold=30.0, release=10.0))
     feed(policy, 0.0, 0.5, 45.0)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from health.seen import said, seen
 
-from tactile_skin import Circuit, PressureCurve, forward
+from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.health.standing import MovingZero
 from tactile_skin.physics.adc import Adc
 from tactile_skin.physics.readouts import READOUTS
@@ -18,13 +18,14 @@ PALM /= PALM.sum() / 45.0
 
 def played(readout, force, law=lambda t, excess: excess, rate=25, seconds=3.0):
     """What is said of force(t) on a board that prints law(t, excess over rest)."""
-    circuit, rng = Circuit(8, 8, readout=readout, r_ref=1000.0), np.random.default_rng(4)
+    circuit, rng = Circuit(8, 8, readout=readout, r_ref=500.0), np.random.default_rng(4)
     check, rest = MovingZero(Adc(circuit)), forward(circuit, CURVE.resistance(0.0 * PALM))
     for k in range(round(rate * seconds)):
         t = k / rate
         excess = forward(circuit, CURVE.resistance(force(t))) - rest
         adc = rest + law(t, excess) + NOISE / 1023 * rng.standard_normal(rest.shape)
-        check.frame(seen(t, adc=adc, rest=rest, noise=NOISE / 1023))
+        felt = compensate(adc, circuit, CURVE, "fixed_point").force
+        check.frame(seen(t, adc=adc, rest=rest, noise=NOISE / 1023, force=felt))
     return said(check)
 
 
@@ -40,6 +41,26 @@ def played(readout, force, law=lambda t, excess: excess, rate=25, seconds=3.0):
 def test_a_zero_that_follows_is_named_under_the_touch(readout, law):
     text = played(readout, lambda t: PALM, law)
     assert "as of no hand" in text
+
+
+def test_it_is_named_though_what_it_took_for_rest_was_of_an_earlier_day():
+    off = 5.0 / 1023 * np.random.default_rng(5).standard_normal(PALM.shape)
+
+    def law(t, excess):
+        return excess - 0.5 * (excess + off) * (t > 1.0)
+
+    text = played("floating", lambda t: PALM, law)
+    assert "as of no hand" in text
+
+
+@pytest.mark.parametrize("readout", READOUTS)
+def test_a_hand_of_which_the_edge_leaves_first_is_none(readout):
+    edge = 1.0 - PALM / PALM.max()
+
+    def course(t):
+        return PALM * np.maximum(1.0 - min(max(t - 0.5, 0.0) / 0.1, 1.0) * (0.3 + 0.7 * edge), 0.0)
+
+    assert played(readout, course) == ""
 
 
 @pytest.mark.parametrize("readout", READOUTS)
