@@ -17,12 +17,12 @@ import numpy as np
 
 from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
-from ..physics.proof import CONFIDENCE
 from .touched import AT_REST
 
 # What a driver and two multiplexers have in series, at most [ohm]: the paper's two 74HD4067 have
 # 326, two CD4051 250 at 5 V, and all parts scatter by 20 %.
 PARTS = 400.0
+CONFIDENCE = 1.64  # standard deviations: one unread cell in twenty bears more than its bound
 # Times what the curve says that a fabric of its kind conducts at rest, at least: those of the
 # laboratory's unknown boards are 0.74 to 1.35. What conducts less may be read on another scale.
 _USUAL = 0.7

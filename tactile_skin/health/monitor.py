@@ -23,7 +23,7 @@ from .odd_cells import OddCells
 from .rest_picture import RestPicture
 from .sent import Sent
 from .standing import MovingZero, Standing
-from .untouched import Hum, Untouched
+from .untouched import Hum, Shakes, Untouched
 
 CHECKS: list[type[Check]] = [
     Sent,
@@ -43,7 +43,6 @@ CHECKS: list[type[Check]] = [
 # them if it is lost for good: time constant of that share [s], for 3 Hz and more, and the limit.
 _SWING = 0.35
 _RETURNS = 0.9
-_LOUD = 2.0  # times the noise, by which a reading is off
 # Share of its conductance at rest by which a cell that bore a load undershoots, the time with
 # which that fades [s]: Velostat under a robot rests 25 to 40 % lower after a release, for 5 s.
 _UNDERSHOOT = 0.45
@@ -59,9 +58,9 @@ class SkinMonitor:
         self._windows = Windows(adc.circuit.adc_bits)
         self._why = ""
         self._last: np.ndarray | None = None  # the frame before, as ADC ratio
-        # shares of the suspect frames in which each is below the rest, and clearly above it
+        # share of the suspect frames in which each is below the rest
         self._below = np.zeros(adc.circuit.shape)
-        self._above = np.zeros(adc.circuit.shape)
+        self._shakes = Shakes(adc.circuit.shape)
         self._pressed = np.full(adc.circuit.shape, -np.inf)  # s, when each bore a load last
         self._low = -np.inf  # s, when a reading was seen below the rest, as such a load leaves it
         self._t = np.inf  # s, of the suspect frame before
@@ -93,6 +92,9 @@ class SkinMonitor:
         estimate = seen.estimate
         touched = bool(estimate.force.max() >= TOUCHED)
         seen = seen._replace(recovers=self._recovers(seen))
+        if not touched and seen.rest is not None:
+            noise = float(estimate.noise) / self._adc.circuit.full_scale  # the rest's shakes, too
+            self._shakes.frame(seen.t, np.nan_to_num(seen.adc - seen.rest), noise)
         suspect = estimate.status == "suspect" and not self._swings(seen, touched)
         if suspect or judged:
             large = suspect and self._misses(seen.adc, estimate)
@@ -108,20 +110,19 @@ class SkinMonitor:
         elapsed, self._t = max(seen.t - self._t, 0.0), seen.t
         if seen.rest is None:
             return self._hums and not touched
-        off = np.nan_to_num(seen.adc - seen.rest)
-        lost = np.fmin(off, 0.0) ** 2
-        least = _LOUD * seen.estimate.noise / self._adc.circuit.full_scale
+        off = np.nan_to_num(seen.adc - self._loaded(seen.rest, seen.adc))
+        lost, before = np.fmin(off, 0.0) ** 2, self._below
         share = 1.0 - np.exp(-elapsed / _SWING)
-        before = self._below, self._above
         self._below = self._below + share * ((off < 0.0) - self._below)
-        self._above = self._above + share * ((off > least) - self._above)
         finding = seen.estimate.finding
-        if not (isinstance(finding, Finding) and LIGHTER in finding.numbers and lost.any()):
+        lighter = isinstance(finding, Finding) and LIGHTER in finding.numbers
+        if lighter and seen.recovers:
+            return True  # also where a touch raises all readings
+        if not lighter or not lost.any():
             return self._hums and not touched
-        if seen.recovers:
-            return True
-        below, above = (np.average(mean, weights=lost) for mean in before)
-        return bool(below < _RETURNS and (not touched or above > 1.0 - _RETURNS))
+        begins = not touched and np.average(before, weights=lost) < _RETURNS
+        shakes = np.average(self._shakes.covers(seen.t, off), weights=lost) > _RETURNS
+        return bool(begins or shakes)
 
     def _recovers(self, seen: Seen) -> bool:
         """Whether what lies below the rest is what a touch leaves for some seconds."""
@@ -134,14 +135,19 @@ class SkinMonitor:
         circuit, adc = self._adc.circuit, np.where(np.isnan(seen.adc), seen.rest, seen.adc)
         if not (allowed * seen.rest > seen.noise).any():
             return False
-        scale, margin = apparent(circuit, adc)[0], BEYOND * seen.noise
-        rest = seen.rest * (scale / apparent(circuit, seen.rest)[0])
-        if (adc < rest - margin).any():
+        margin = BEYOND * seen.noise
+        if (adc < self._loaded(seen.rest, adc) - margin).any():
             least = forward(circuit, seen.resting / (1.0 - allowed))
-            if (adc < least * (scale / apparent(circuit, least)[0]) - margin).any():
+            if (adc < self._loaded(least, adc) - margin).any():
                 return False
             self._low = seen.t
         return seen.t - self._low < 2.0 * _RECOVERS
+
+    def _loaded(self, rest: np.ndarray, adc: np.ndarray) -> np.ndarray:
+        """(rows, cols) what cells at rest read on lines that are loaded as those of a frame are."""
+        circuit = self._adc.circuit
+        adc = np.where(np.isnan(adc), rest, adc)
+        return rest * (apparent(circuit, adc)[0] / apparent(circuit, rest)[0])
 
     def _misses(self, adc, estimate: Estimate) -> bool:
         """Whether a frame misses by more than `LARGE`, and by more than it has changed."""

@@ -51,6 +51,12 @@ _SWINGS_ALIKE = (
 )
 _LATELY = 60.0  # s in which they come
 
+# Cells that swing, each by itself:
+_DIPS = 4.0  # times the noise, by which a reading is low
+_OVER = 0.3  # of how far it was low, that it comes over its rest: a curve is steeper below
+_DEEPER = 2.0  # times which it may be lower than when it came back last
+_BEATS = 8.0  # s within which it has come back
+
 
 class Untouched(Check):
     """Follows the picture of one skin at rest: a fault if readings miss some of what presses."""
@@ -243,3 +249,27 @@ class Hum(Check):
             if np.isfinite(began):
                 self._swings.append((at, at - began, abs(extreme - before)))
             self._turned, self._extreme, self._way = (at, extreme), (t, level), -self._way
+
+
+class Shakes:
+    """Follows how far each cell was below its rest before it was above it.
+
+    A reading that is lost stays low; one of a loose contact comes back, and no higher. Where a
+    board samples what shakes, the swing may beat as slowly as some seconds.
+    """
+
+    def __init__(self, shape: tuple[int, int]):
+        self._dip = np.zeros(shape)  # how low each is since it was above its rest last
+        self._depth = np.zeros(shape)  # how low it was before that,
+        self._back = np.full(shape, -np.inf)  # and when it came back [s]
+
+    def frame(self, t: float, off: np.ndarray, noise: float) -> None:
+        """Take what the readings of an untouched skin (rows, cols) are over their rest."""
+        back = (off > _OVER * self._dip) & (self._dip > _DIPS * noise)
+        self._depth = np.where(back, self._dip, self._depth)
+        self._back = np.where(back, t, np.minimum(self._back, t))  # the clock may be set back
+        self._dip = np.where(off > 0.0, np.where(back, 0.0, self._dip), np.maximum(self._dip, -off))
+
+    def covers(self, t: float, off: np.ndarray) -> np.ndarray:
+        """(rows, cols) bool, whether readings that are so low have come back from there lately."""
+        return (t - self._back < _BEATS) & (-off <= _DEEPER * self._depth)

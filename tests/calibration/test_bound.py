@@ -9,11 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward, measure_rest
-from tactile_skin.calibration.bound import PARTS, Unknown, scale_at_rest, upper_bound
+from tactile_skin.calibration.bound import CONFIDENCE, PARTS, Unknown, scale_at_rest, upper_bound
 from tactile_skin.calibration.identify import Solution
 from tactile_skin.calibration.tracker import CircuitTracker
 from tactile_skin.findings.finding import Severity
-from tactile_skin.physics.proof import CONFIDENCE, UNPROVED
+from tactile_skin.physics.proof import UNPROVED
 from tactile_skin.physics.readouts import DRIVEN, PASSIVE
 
 CURVE = PressureCurve()

@@ -331,3 +331,18 @@ def test_a_reading_that_is_set_aside_says_nothing_of_its_own_cell():
     steps[cell] *= 0.3
     board.skin.frame(board.t, np.rint(64.0 * steps).astype(np.uint16))
     assert board.skin.status == "ok" and board.skin.bound[cell][0] > 1.2 * most
+
+
+def test_what_rests_lower_after_a_release_is_no_fault_under_the_next_push():
+    """Nor where that raises the readings of all cells, those of the lower ones too."""
+    board = Board()
+    board.feel(NOTHING, 150)
+    sound, beside = board.rest, np.roll(PUSH, 2, axis=1)
+    board.feel(PUSH, 100)
+    found = []
+    for k in range(300):
+        share = 0.35 * np.exp(-k * FRAME / 3.0)  # of its conductance, as Velostat under a robot
+        board.rest = sound / (1.0 - share * (PUSH > 0.5))
+        board.feel(NOTHING if k < 100 else 2.0 * beside)
+        found += board.skin.findings()
+    assert not [str(f) for f in found if f.stops]

@@ -158,7 +158,7 @@ def test_a_simulated_board_is_proved():
 
 
 @pytest.mark.parametrize(
-    ("days", "least", "most"), [(0, 1.08, 1.09), (3, 1.15, 1.2), (99, 1.2, 1.3)]
+    ("days", "least", "most"), [(0, 1.04, 1.06), (3, 1.09, 1.12), (99, 1.15, 1.17)]
 )
 def test_a_proof_ages(days, least, most):
     proof = Proof("weight", 0.05, TODAY - datetime.timedelta(days))
