@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.ndimage import maximum_filter
 
 from ..calibration.touched import STIRRED, TOUCHED
 from ..findings.finding import Finding, Kind, Severity
@@ -128,7 +129,8 @@ class SkinMonitor:
         """Whether what lies below the rest is what a touch leaves for some seconds."""
         if seen.resting is None or seen.rest is None:
             return False
-        self._pressed[seen.estimate.force > STIRRED] = seen.t
+        bears = maximum_filter(seen.estimate.force, 3) > STIRRED  # or lies next to one that does
+        self._pressed[bears] = seen.t
         # the clock may be set back
         self._pressed, self._low = np.minimum(self._pressed, seen.t), min(self._low, seen.t)
         allowed = _UNDERSHOOT * np.exp((self._pressed - seen.t) / _RECOVERS)

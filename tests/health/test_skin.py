@@ -342,7 +342,7 @@ def test_what_rests_lower_after_a_release_is_no_fault_under_the_next_push():
     found = []
     for k in range(300):
         share = 0.35 * np.exp(-k * FRAME / 3.0)  # of its conductance, as Velostat under a robot
-        board.rest = sound / (1.0 - share * (PUSH > 0.5))
+        board.rest = sound / (1.0 - share * (PUSH > 0.02))
         board.feel(NOTHING if k < 100 else 2.0 * beside)
         found += board.skin.findings()
     assert not [str(f) for f in found if f.stops]
