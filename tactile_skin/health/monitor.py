@@ -24,7 +24,7 @@ from .odd_cells import OddCells
 from .rest_picture import RestPicture
 from .sent import Sent
 from .standing import MovingZero, Standing
-from .untouched import Hum, Shakes, Untouched
+from .untouched import CLEAR, Hum, Shakes, Untouched
 
 CHECKS: list[type[Check]] = [
     Sent,
@@ -44,6 +44,9 @@ CHECKS: list[type[Check]] = [
 # them if it is lost for good: time constant of that share [s], for 3 Hz and more, and the limit.
 _SWING = 0.35
 _RETURNS = 0.9
+# Where such a swing beats with the frame rate for longer than that: of the squares of readings that
+# are low, what those that are high have. Losses only lower.
+_EVEN = 0.25
 # Share of its conductance at rest by which a cell that bore a load undershoots, the time with
 # which that fades [s]: Velostat under a robot rests 25 to 40 % lower after a release, for 5 s.
 _UNDERSHOOT = 0.45
@@ -94,8 +97,8 @@ class SkinMonitor:
         touched = bool(estimate.force.max() >= TOUCHED)
         seen = seen._replace(recovers=self._recovers(seen))
         if not touched and seen.rest is not None:
-            noise = float(estimate.noise) / self._adc.circuit.full_scale  # the rest's shakes, too
-            self._shakes.frame(seen.t, np.nan_to_num(seen.adc - seen.rest), noise)
+            off = np.nan_to_num(seen.adc - seen.rest)
+            self._shakes.frame(seen.t, off, self._noise(estimate))
         suspect = estimate.status == "suspect" and not self._swings(seen, touched)
         if suspect or judged:
             large = suspect and self._misses(seen.adc, estimate)
@@ -121,9 +124,15 @@ class SkinMonitor:
             return True  # also where a touch raises all readings
         if not lighter or not lost.any():
             return self._hums and not touched
-        begins = not touched and np.average(before, weights=lost) < _RETURNS
+        begins = np.average(before, weights=lost) < _RETURNS
+        clear = np.where(abs(off) > CLEAR * self._noise(seen.estimate), off, 0.0)
+        even = np.square(clear[clear > 0.0]).sum() > _EVEN * np.square(clear[clear < 0.0]).sum()
         shakes = np.average(self._shakes.covers(seen.t, off), weights=lost) > _RETURNS
-        return bool(begins or shakes)
+        return bool(shakes or (not touched and (begins or even)))
+
+    def _noise(self, estimate: Estimate) -> float:
+        """Return the noise of the frame, as ADC ratio: that of the rest has what shakes, too."""
+        return float(estimate.noise) / self._adc.circuit.full_scale
 
     def _recovers(self, seen: Seen) -> bool:
         """Whether what lies below the rest is what a touch leaves for some seconds."""

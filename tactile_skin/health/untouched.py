@@ -52,7 +52,7 @@ _SWINGS_ALIKE = (
 _LATELY = 60.0  # s in which they come
 
 # Cells that swing, each by itself:
-_DIPS = 4.0  # times the noise, by which a reading is low
+CLEAR = 4.0  # times the noise, by which a reading is low
 _OVER = 0.3  # of how far it was low, that it comes over its rest: a curve is steeper below
 _DEEPER = 2.0  # times which it may be lower than when it came back last
 _BEATS = 8.0  # s within which it has come back
@@ -265,7 +265,7 @@ class Shakes:
 
     def frame(self, t: float, off: np.ndarray, noise: float) -> None:
         """Take what the readings of an untouched skin (rows, cols) are over their rest."""
-        back = (off > _OVER * self._dip) & (self._dip > _DIPS * noise)
+        back = (off > _OVER * self._dip) & (self._dip > CLEAR * noise)
         self._depth = np.where(back, self._dip, self._depth)
         self._back = np.where(back, t, np.minimum(self._back, t))  # the clock may be set back
         self._dip = np.where(off > 0.0, np.where(back, 0.0, self._dip), np.maximum(self._dip, -off))

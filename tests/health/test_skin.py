@@ -346,3 +346,17 @@ def test_what_rests_lower_after_a_release_is_no_fault_under_the_next_push():
         board.feel(NOTHING if k < 100 else 2.0 * beside)
         found += board.skin.findings()
     assert not [str(f) for f in found if f.stops]
+
+
+@pytest.mark.parametrize("lifts", [True, False])
+def test_a_cover_that_shakes_in_step_with_the_frames_lies_heavier_elsewhere(lifts):
+    """What is lost lies lower, and nothing higher."""
+    board = Board()
+    board.feel(NOTHING, 150)
+    wave = np.sin(np.arange(8) * 0.9) * np.ones((8, 1))
+    wave = wave if lifts else np.minimum(wave, 0.0)
+    sound = board.rest
+    for k in range(400):
+        board.rest = sound / (1.0 + 0.2 * wave * min(1.0, k / 10))
+        board.feel(NOTHING)
+    assert board.skin.fault is not lifts
