@@ -45,6 +45,8 @@ class Opened:
     Attributes:
         status: "ok", or what is wrong in words.
         std: (rows, cols) of the last picture, one standard deviation of each force [N].
+        stamp: when the board sent the last frame, of `time.monotonic` [s]: it may have lain in
+            buffers.
         simulated: whether the board is a simulated one.
     """
 
@@ -73,6 +75,7 @@ class Opened:
         form = make_format(driver.protocol, dataclasses.asdict(driver.format))
         self._parser = make_parser(driver.protocol, *layout, form)
         self._admission = Admission(adc, driver.frozen_after)
+        self.stamp = -np.inf
         self._geometry = geometry_of(found.geometry, circuit)
         self._cell_threshold, self._stops = feature.cell_threshold, found.suspect_stops
         names = {field.name for field in dataclasses.fields(StopConfig)}
@@ -169,7 +172,8 @@ class Opened:
 
     def _take(self, t: float, samples: np.ndarray | None) -> np.ndarray:
         """Solve a frame, and let the stop know."""
-        skin, stamp = self._skin, t - self._admission.verdict.lag
+        skin, self.stamp = self._skin, t - self._admission.verdict.lag
+        stamp = self.stamp
         force = None if samples is None else skin.frame(stamp, samples, stopped=skin.fault)
         self._judge()
         if force is None:

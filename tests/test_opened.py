@@ -42,7 +42,8 @@ def test_forces_in_newtons_and_a_stop(tmp_path):
         until(skin, lambda _: "measuring rest: hands off" in skin.reason)
         t, force = until(skin, lambda _: not skin.stop)
         assert (skin.status, skin.reason) == ("ok", "")
-        assert 0.0 <= time.monotonic() - t < LIMIT and force.shape == skin.std.shape == (4, 5)
+        assert 0.0 <= time.monotonic() - t < LIMIT and t - LIMIT < skin.stamp <= t
+        assert force.shape == skin.std.shape == (4, 5)
         board.scene = lambda t: finger
         _, force = until(skin, lambda _: skin.reason.startswith("push"))
         _, force = until(skin, lambda force: force.sum() > 7.0)

@@ -38,16 +38,13 @@ class Frame(NamedTuple):
 
 
 def frames(opened, area: np.ndarray, hook):
-    """Yield each frame, after a call of hook(stop, reason) where the stop has changed.
-
-    `skin.latest()` will take the place of this loop.
-    """
+    """Yield each frame, after a call of hook(stop, reason) where the stop has changed."""
     stopped = None
     while True:
         try:
-            stamp, force = opened.read(PATIENCE)
+            force = opened.read(PATIENCE)[1]
         except TimeoutError:
-            stamp, force = 0.0, None
+            force = None
         stop, reason = opened.stop, opened.reason
         if stop != stopped:
             stopped = stop
@@ -56,8 +53,7 @@ def frames(opened, area: np.ndarray, hook):
             continue
         kept = [part for part in reason.split(" + ") if part and not part.startswith(NO_FAULT)]
         fault = " + ".join(kept) if np.isfinite(force).all() else opened.status
-        lag = opened._admission.verdict.lag  # s that it lay in buffers; `latest()` is to say it
-        sent = stamp - lag + time.perf_counter() - time.monotonic()
+        sent = opened.stamp + time.perf_counter() - time.monotonic()
         yield Frame(sent, force / area, force, opened.std, stop, reason, fault)
 
 
