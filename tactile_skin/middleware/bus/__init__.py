@@ -9,18 +9,11 @@ delays nobody but itself.
 """
 
 from .clock import ManualClock, Time
+from .context import Context, type_name
 from .executors import MultiThreadedExecutor, SingleThreadedExecutor
 from .node import Node
 from .parameters import ANYTHING, SET_PARAMETERS, Parameter, SetParameters
-from .topics import (
-    Context,
-    DurabilityPolicy,
-    Listener,
-    Publisher,
-    QoSProfile,
-    ReliabilityPolicy,
-    type_name,
-)
+from .topics import DurabilityPolicy, Listener, Publisher, QoSProfile, ReliabilityPolicy
 
 __all__ = [
     "ANYTHING",

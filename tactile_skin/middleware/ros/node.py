@@ -201,9 +201,9 @@ class RosNode(bus.Node):
         def arrived(message) -> None:  # in ROS's thread: queue it, nothing else
             taken = from_ros(msg_type, message)
             if shared and isinstance(taken, DiagnosticArray):  # transforms do not say whose
-                names = {f"/{status.name}" for status in taken.status}
-                if names <= self.context.node_names:  # it has arrived within this process
-                    return
+                ours = self.context.nodes
+                if all(f"/{status.name}" in ours for status in taken.status):
+                    return  # it has arrived within this process
             subscription.put(taken)
 
         def fetch() -> None:
