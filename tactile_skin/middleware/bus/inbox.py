@@ -3,13 +3,17 @@
 
 from __future__ import annotations
 
+import concurrent.futures
 import logging
 import math
 import operator
 import threading
 from collections import deque
+from concurrent.futures import Future
 
 from .context import Context
+
+_REQUESTS = 10  # that may wait for a node: one that hangs must not collect them for ever
 
 
 class Timer:
@@ -73,6 +77,45 @@ class Inbox:
         self._timers: list[Timer] = []
         self._gone = self._in_callback = False
         self._errors: dict[int, tuple[int, float]] = {}
+        self._asked = Queue(self, self._answer, _REQUESTS)
+
+    def ask(self, callback, *arguments) -> Future:
+        """Let a call wait, in whatever thread; the Future gets what it returns, or raises.
+
+        Who gives up waiting cancels it: what has not begun by then is not carried out.
+
+        Raises:
+            RuntimeError: too many wait.
+        """
+        future: Future = Future()
+        with self._lock:
+            waiting = self._asked._waiting
+            if len(waiting) >= _REQUESTS:
+                for call in [call for call in waiting if call[-1].cancelled()]:
+                    waiting.remove(call)
+                    self._turns.remove(self._asked)
+            if len(waiting) >= _REQUESTS:
+                raise RuntimeError(f"{_REQUESTS} requests wait for an answer already")
+            self._asked.put(callback, arguments, future)
+        return future
+
+    def _answer(self, callback, arguments: tuple, future: Future) -> None:
+        if not future.set_running_or_notify_cancel():
+            return  # nobody waits for it any more
+        try:
+            future.set_result(callback(*arguments))
+        except (Exception, SystemExit) as error:
+            self._report(callback, error)
+            future.set_exception(error)
+
+    def _leave(self) -> None:
+        """Call nothing any more, and tell who waits for an answer."""
+        for *_, future in self._asked._waiting:
+            if future.set_running_or_notify_cancel():
+                future.set_exception(RuntimeError("its node is gone"))
+        self._timers.clear()
+        self._turns.clear()
+        self._gone = True
 
     def _first_due(self) -> float:
         """When the next timer is due [ns]; infinite: there is none."""
@@ -129,3 +172,19 @@ class Inbox:
     def callback_errors(self) -> int:
         """Number of exceptions that callbacks of this node have raised."""
         return sum(count for count, _ in tuple(self._errors.values()))
+
+
+def result_of(future: Future, timeout_sec: float):
+    """Return what a node was asked for, or raise what it raised.
+
+    Raises:
+        TimeoutError: no answer in time; what has not begun by then does not happen later.
+    """
+    try:
+        return future.result(timeout_sec)
+    except concurrent.futures.TimeoutError:
+        if future.done():  # the node's own
+            raise
+        begun = "" if future.cancel() else ", but is at work on it"
+        why = f"the node did not answer within {timeout_sec:g} s{begun}"
+        raise TimeoutError(why) from None

@@ -11,7 +11,7 @@ from ...errors import ParameterError
 from ...fields import About
 from .context import Context, default_context, type_name
 from .inbox import Inbox, Timer
-from .parameters import ANYTHING, SET_PARAMETERS, Parameter, SetParameters, checked
+from .parameters import ANYTHING, Parameter, SetParametersResult, checked
 from .services import Client, Service
 from .topics import DurabilityPolicy, Listener, Publisher, QoSProfile, Subscription, as_qos
 
@@ -138,7 +138,11 @@ class Node(Inbox):
 
     def create_service(self, srv_type, srv_name: str, callback) -> Service:
         service = Service(self, srv_type, self.resolve_service_name(srv_name), callback)
-        with self._lock:
+        offered = self.context._services
+        with self.context._lock:
+            if service.srv_name in offered:
+                raise ValueError(f"service {service.srv_name} is offered already")
+            offered[service.srv_name] = service
             self._services.append(service)
         return service
 
@@ -178,28 +182,29 @@ class Node(Inbox):
                 change; a ValueError refuses them, with its text as the reason.
         """
         self._on_set = callback
-        Node.create_service(self, SetParameters, SET_PARAMETERS, self._set_parameters)
 
-    def _set_parameters(self, request, response):
-        """All or none: each is checked as when it was declared, then they are together."""
+    def set_parameters_atomically(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+        """Change all or none, as rclpy does: each is checked as when it was declared.
+
+        To be called in the node's thread: `ask` does so from another one.
+        """
         changed = {}
         try:
-            for p in request.parameters:
+            for p in parameters:
                 old = self.get_parameter(p.name)
                 described = self._described[p.name]
-                if not described.live:
+                if not described.live or self._on_set is None:
                     raise ParameterError(
                         f"parameter {p.name} of node {self._name} is read at the start only"
                     )
                 changed[p.name] = checked(self._name, p.name, p.value, old.value, described)
             free = [name for name, d in self._described.items() if d.live]
-            self._on_set({name: self._parameters[name].value for name in free} | changed)
+            if self._on_set:
+                self._on_set({name: self._parameters[name].value for name in free} | changed)
         except ValueError as error:
-            response.reason = str(error)
-            return response
+            return SetParametersResult(False, str(error))
         self._parameters |= {name: Parameter(name, value) for name, value in changed.items()}
-        response.successful = True
-        return response
+        return SetParametersResult(True)
 
     def destroy_node(self) -> None:
         """Leave all topics and services; callbacks under way finish."""
@@ -211,11 +216,9 @@ class Node(Inbox):
                 self.context._publishers[p.topic_name].remove(p)
             for service in self._services:
                 del self.context._services[service.srv_name]
-                service.end()
-            for kept in (self._subscriptions, self._publishers, self._timers, self._services):
+            for kept in (self._subscriptions, self._publishers, self._services):
                 kept.clear()
-            self._turns.clear()
-            self._gone = True
+            self._leave()
         self._wake.set()
 
     @property
