@@ -22,7 +22,7 @@ class Timer:
         self.reset()
 
     def reset(self) -> None:
-        """Start anew: the next call comes one period from now."""
+        """Count the period from now on."""
         with self._inbox._lock:
             self._due: float = self._inbox.context.clock.now().nanoseconds + self._period
         self._inbox._wake.set()
@@ -109,7 +109,7 @@ class Inbox:
             future.set_exception(error)
 
     def _leave(self) -> None:
-        """Call nothing any more, and tell who waits for an answer."""
+        """Call nothing any more; who waits for an answer hears of it."""
         for *_, future in self._asked._waiting:
             if future.set_running_or_notify_cancel():
                 future.set_exception(RuntimeError("its node is gone"))
