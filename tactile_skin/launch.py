@@ -112,7 +112,7 @@ class Skin(Listening):
         if self._began:
             raise LaunchError(f"{node}: the nodes run already: add it before `with`")
         files = self._plan.files()
-        self._plan.add(user_node(node, name, namespace, parameters or {}, remappings, files))
+        self._plan.add(user_node(node, parameters or {}, name, namespace, remappings, files))
 
     def __enter__(self) -> Skin:
         if self._began:

@@ -136,7 +136,7 @@ def plan_of(executable: str, args: RosArguments) -> Plan:
     for file in program.files():
         if file.nodes:
             raise LaunchError(
-                f"{file.path}: nodes: {file.nodes[0]['class']}: is for tactile-skin launch; on ROS "
+                f"{file.path}: nodes: {file.nodes[0]['node']}: is for tactile-skin launch; on ROS "
                 "start it as a node of its own"
             )
     nodes = [node for part in parts for node in with_skins(part)]

@@ -22,7 +22,7 @@ from ..yaml_files import parse_yaml, read_yaml
 from .bus import Parameter
 from .package import BODY, COMPOSED, MONITOR, PACKAGE, PARTS, RECORDER, VIEW, share_dir
 from .parameter_file import CONFIG, ELSEWHERE, SKINS, ParameterFile
-from .plan import NodeAction, Plan, own_nodes, which_run
+from .plan import NodeAction, Plan, user_node, which_run
 
 
 @dataclass
@@ -103,8 +103,8 @@ def read_plan(path, arguments: Mapping[str, object]) -> Plan:
         if runs.get(node, True):
             names = program if node in PARTS else ()
             plan.add(NodeAction(node, node, namespace, parameters, [], Path(path), names))
-    for action in own_nodes(config):
-        plan.add(action)
+    for listed in config.nodes:
+        plan.add(user_node(**listed, files=[config]))
     if record := given[RECORD.name]:  # it hears all nodes, and is given the files that they have
         to = Parameter("path", record)
         plan.add(NodeAction(RECORDER, RECORDER, "", [*plan.files(), to], file=Path(path)))

@@ -75,7 +75,7 @@ class ParameterFile:
 
     Attributes:
         skins: their names.
-        nodes: of a user's: the keys of _OF_NODE, of which `class` is there.
+        nodes: of a user's: what `user_node` takes of each.
         elsewhere: of those of them that another computer runs.
         sections: what they are given; the later wins.
 
@@ -114,7 +114,9 @@ class ParameterFile:
             if key not in _OF_NODE or not isinstance(value, _OF_NODE[key]):
                 known = ", ".join(f"{name} ({kind.__name__})" for name, kind in _OF_NODE.items())
                 raise FileError(f"{where}: {key}: must be one of {known}")
-        return given | {"parameters": _flat(given.get("parameters", {}), where)}
+        named = {key: given[key] for key in ("name", "namespace") if key in given}
+        named["parameters"] = _flat(given.get("parameters", {}), where)
+        return {"node": given["class"], "remappings": given.get("remap", {}).items()} | named
 
     def _read(self, name: str, section) -> None:
         below = section if isinstance(section, dict) else {}

@@ -127,35 +127,19 @@ class Plan:
 
 def user_node(
     node: type | str,
-    name: str,
-    namespace: str,
     parameters: Mapping[str, Any],
-    remappings: Iterable[tuple[str, str]],
+    name: str = "",
+    namespace: str = "",
+    remappings: Iterable[tuple[str, str]] = (),
     files: Sequence[ParameterFile] = (),
 ) -> NodeAction:
     """Return a node that a user adds: a class, module.Class, or the name of one of ours."""
     kind = node if isinstance(node, str) else f"{node.__module__}.{node.__qualname__}"
-    action = NodeAction(kind, name or kind.rpartition(".")[2], namespace, [*files])
-    action.remappings = list(remappings)
+    action = NodeAction(kind, name or kind.rpartition(".")[2], namespace, [*files], [*remappings])
     action.file = files[0].path if files else Path("skin.add")
     action.given_class = node if isinstance(node, type) else None
     action.give(parameters)
     return action
-
-
-def own_nodes(file: ParameterFile) -> list[NodeAction]:
-    """Return the nodes of a user's that a parameter file lists under `nodes`."""
-    return [
-        user_node(
-            asked["class"],
-            asked.get("name", ""),
-            asked.get("namespace", ""),
-            asked["parameters"],
-            asked.get("remap", {}).items(),
-            [file],
-        )
-        for asked in file.nodes
-    ]
 
 
 def which_run(values: Mapping[str, Any]) -> dict[str, bool]:
