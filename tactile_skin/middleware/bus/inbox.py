@@ -13,6 +13,7 @@ from concurrent.futures import Future
 
 from .context import Context
 
+_IS_GONE = "its node is gone"
 _REQUESTS = 10  # that may wait for a node: one that hangs must not collect them for ever
 
 
@@ -85,10 +86,12 @@ class Inbox:
         Who gives up waiting cancels it: what has not begun by then is not carried out.
 
         Raises:
-            RuntimeError: too many wait.
+            RuntimeError: too many wait, or the node is gone.
         """
         future: Future = Future()
         with self._lock:
+            if self._gone:
+                raise RuntimeError(_IS_GONE)
             waiting = self._asked._waiting
             if len(waiting) >= _REQUESTS:
                 for call in [call for call in waiting if call[-1].cancelled()]:
@@ -112,9 +115,9 @@ class Inbox:
         """Call nothing any more; who waits for an answer hears of it."""
         for *_, future in self._asked._waiting:
             if future.set_running_or_notify_cancel():
-                future.set_exception(RuntimeError("its node is gone"))
-        self._timers.clear()
-        self._turns.clear()
+                future.set_exception(RuntimeError(_IS_GONE))
+        for kept in (self._asked._waiting, self._timers, self._turns):
+            kept.clear()
         self._gone = True
 
     def _first_due(self) -> float:
