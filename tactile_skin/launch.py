@@ -39,7 +39,6 @@ from .middleware.plan import (
     parameters_of,
     user_node,
 )
-from .middleware.processes import end_commands, start_command
 from .middleware.signals import SIGNALS, unwinding
 from .middleware.threads import PACE, close_nodes
 from .msg import Trigger
@@ -113,7 +112,7 @@ class Skin(Listening):
         if self._began:
             raise LaunchError(f"{node}: the nodes run already: add it before `with`")
         files = self._plan.files()
-        self._plan.add(user_node(node, name, namespace, parameters or {}, remappings, files))
+        self._plan.add(user_node(node, parameters or {}, name, namespace, remappings, files))
 
     def __enter__(self) -> Skin:
         if self._began:
@@ -133,7 +132,9 @@ class Skin(Listening):
         atexit.register(self._end)  # for who never comes to __exit__
         self._log = QueuedLog.before(logging.getLogger(PACKAGE))
         for command in self._plan.commands:
-            self._processes.append(start_command(command))
+            # in a session of its own: Ctrl-C ends the nodes first, and they end the command
+            started = subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True)
+            self._processes.append(started)
         self.build()
         for recorder in self._of_kind(RECORDER, self._nodes):
             from .recording import configuration
@@ -204,7 +205,13 @@ class Skin(Listening):
         if self._log is not None:
             self._log.close()
         self._settings.close()
-        end_commands(self._processes, lambda: hurry if SIGNALS.acted else patience)
+        for process in self._processes:
+            while (
+                process.poll() is None and time.monotonic() < (hurry, patience)[not SIGNALS.acted]
+            ):
+                time.sleep(0.005)
+            process.kill()
+            process.wait()
         for recorder in self._of_kind(RECORDER, self._nodes):
             recorder.finish()  # its thread would end with the process, and cut the file
         atexit.unregister(self._end)

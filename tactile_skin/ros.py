@@ -14,6 +14,7 @@ import argparse
 import contextlib
 import logging
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from . import launch
@@ -21,7 +22,7 @@ from .errors import LaunchError, did_you_mean
 from .files import one_line
 from .middleware.bus import Node
 from .middleware.package import BODY, COMPOSED, PARTS, node_class
-from .middleware.plan import NodeAction, Plan, parts_of, with_skins
+from .middleware.plan import NodeAction, Plan, shared_out, which_run, with_skins
 from .middleware.ros.arguments import RosArguments, split_arguments
 from .middleware.ros.node import Process, RosNode, ToRos
 from .nodes import diagnostics, frames
@@ -126,7 +127,7 @@ def plan_of(executable: str, args: RosArguments) -> Plan:
         args.remappings_of(*of_all),
         Path(executable),
     )
-    parts = [program] if alone else parts_of(program)
+    parts = [program] if alone else _parts_of(program)
     for part in parts if not alone else ():
         part.name = name = args.name_of(part.executable, alone=False)
         part.namespace = args.namespace_of(part.executable, name, *of_all[1:]).strip("/")
@@ -135,13 +136,24 @@ def plan_of(executable: str, args: RosArguments) -> Plan:
     for file in program.files():
         if file.nodes:
             raise LaunchError(
-                f"{file.path}: nodes: {file.nodes[0]['class']}: is for tactile-skin launch; on ROS "
+                f"{file.path}: nodes: {file.nodes[0]['node']}: is for tactile-skin launch; on ROS "
                 "start it as a node of its own"
             )
     nodes = [node for part in parts for node in with_skins(part)]
     if executable == BODY and program.values().get("separate") is True:
         nodes = nodes[-1:]  # the launch file starts those of the skins
     return Plan(nodes)
+
+
+def _parts_of(program: NodeAction) -> list[NodeAction]:
+    """Return the nodes that the program `skin` is to run, each with the parameters that it has."""
+    given = shared_out(program, PARTS, PARTS)
+    names = replace(program, name=COMPOSED).full_name, program.full_name
+    return [
+        replace(program, executable=kind, name=kind, parameters=given[kind], programs=names)
+        for kind, runs in which_run(program.values()).items()
+        if runs
+    ]
 
 
 if __name__ == "__main__":

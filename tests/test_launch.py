@@ -34,6 +34,7 @@ from tactile_skin.launch import (
     share_dir,
 )
 from tactile_skin.middleware.bus import Context
+from tactile_skin.middleware.launch_file import _FILES
 from tactile_skin.middleware.parameter_file import ParameterFile
 from tactile_skin.middleware.plan import by_thread
 from tactile_skin.msg import Bool, Header, PointCloud2, Trigger, Twist, cloud
@@ -178,7 +179,19 @@ def test_the_shipped_launch_files_parse(name):
     ]
     assert len(found.commands) == (name == "demo.launch.yaml")
     assert found.nodes[1].values()["method"] == "naive"
-    assert all(a.description for a in found.arguments.values())
+    assert all(a.description for a in read_arguments(find(name)))
+
+
+@pytest.mark.parametrize("name", ["nodes", "skin", "body"])
+def test_under_ros_each_node_takes_the_same_arguments(name):
+    """What composes them in one process, and what `ros2 launch` reads, are two lists."""
+    ours = _FILES["body.launch.yaml" if name == "body" else "skin.launch.yaml"]
+    entities = yaml.safe_load(find(f"{name}.launch.yaml").read_text())["launch"]
+    nodes = [e["node"] for e in entities if e.get("node", {}).get("exec") in ours]
+    for node in nodes:
+        given = {p["value"].removeprefix("$(var ")[:-1]: p["name"] for p in node["param"]}
+        assert ours[node["exec"]] | {"config": "config"} == given, node["exec"]
+    assert nodes
 
 
 def test_only_compensation_and_its_features_share_a_thread():

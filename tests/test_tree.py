@@ -51,6 +51,7 @@ PURE = "physics readings touch behaviours body learning solvers findings calibra
 WORLD = {"serial", "socket", "socketserver", "subprocess", "yaml", "select", "asyncio", "signal"}
 # that use threads: scratch memory of each, and a hook's own
 THREADS = {"learning/network", "behaviours/hooks"}
+CIRCLES = {"guide", "view"}  # folders with modules that still import each other
 SHARED = "support"  # what tests and benchmarks both import
 MODULES = 12  # in a folder
 LINES = 400  # in a module
@@ -119,20 +120,38 @@ def test_every_place_is_known():
     assert {place(path) for path in MODULE_PATHS} == set(MAY)
 
 
+def in_order(used: dict[str, set[str]]) -> list[str]:
+    """Names, each after those that it uses; those of a circle, and who uses them, are missing."""
+    order: list[str] = []
+    while free := [name for name in used if name not in order and used[name] <= set(order)]:
+        order += free
+    return order
+
+
 def test_there_is_no_circle(capsys):
     """Prints the tree, each folder above those that it imports: pytest -s."""
     used = {here: set() for here in MAY}
     for path in MODULE_PATHS:
         used[place(path)] |= imports(path)[0] - {place(path), "__init__"}
-    order: list[str] = []
-    while left := [name for name in MAY if name not in order]:
-        free = [name for name in left if used[name] <= set(order)]
-        assert free, f"a circle among {left}"
-        order += free
+    order = in_order(used)
+    assert set(order) == set(MAY)
     with capsys.disabled():
         print()
         for name in reversed(order):
             print(f"  {name:12} -> {', '.join(sorted(used[name])) or '-'}")
+
+
+def of_its_folder(path: Path) -> set[str]:
+    """Modules next to it that a module imports, also for types alone."""
+    nodes = [n for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.ImportFrom)]
+    names = {n.module.split(".")[0] for n in nodes if n.level == 1 and n.module} - {path.stem}
+    return {name for name in names if path.with_name(f"{name}.py").exists()}
+
+
+def test_no_modules_of_a_folder_import_each_other():
+    for folder in {path.parent for path in MODULE_PATHS}:
+        used = {p.stem: of_its_folder(p) for p in MODULE_PATHS if p.parent == folder}
+        assert len(in_order(used)) == len(used) or folder.name in CIRCLES, folder
 
 
 def others(path: Path) -> set[str]:

@@ -8,9 +8,10 @@ and whatever a stage of the skin reports as wrong. With `latch` a stop also outl
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from ..fields import Checked, parameter
 from .let_go import Pressing
@@ -37,13 +38,20 @@ class Cause(str, Enum):
 
 
 class Reason(NamedTuple):
-    """A cause, and its words for a person."""
+    """Why the robot must stop, as one source says it."""
 
-    cause: Cause
-    words: str = ""
+    causes: tuple[Cause, ...]
+    words: str  # for a person, the cause first
+    who: str = ""  # the source, where there are several
+    latches: bool = True  # False: what it is of has a latch of its own
 
     def __str__(self) -> str:
-        return f"{self.cause.value}: {self.words}" if self.words else self.cause.value
+        return f"{self.who}: {self.words}" if self.who else self.words
+
+
+def because(cause: Cause, words: str = "", who: str = "") -> Reason:
+    """Return the reason of one cause."""
+    return Reason((cause,), f"{cause.value}: {words}" if words else cause.value, who)
 
 
 class Decision(NamedTuple):
@@ -136,8 +144,15 @@ class StopConfig(PushLimits):
     )
 
 
-class StopPolicy:
-    """Hysteresis, debounce, latch and the fail-safe; all times are of one monotonic clock [s].
+class Source(Protocol):
+    """What may stop the robot."""
+
+    def reasons(self, t: float) -> Iterable[Reason]:
+        """Return why the robot must stop at t; nothing: as far as this knows it may move."""
+
+
+class Stop:
+    """Decides by its sources, with a latch and its reset; all times are of one clock [s].
 
     What latches: every stop of a robot that was free before, whatever its cause. A cable that comes
     loose and makes contact again must not send the robot off by itself, and a push least of all.
@@ -145,8 +160,50 @@ class StopPolicy:
     does: stops at start-up do not.
     """
 
-    def __init__(self, config: StopConfig):
+    def __init__(self, config: PushLimits, sources: Iterable[Source]):
         self.config = config
+        self._sources = tuple(sources)
+        self._was_free = False
+        self._latched: Reason | None = None  # of the stop that waits for a reset
+
+    def decide(self, t: float) -> Decision:
+        """Return what holds at t, also when nothing comes: call it on a timer."""
+        reasons = self._reasons(t)
+        self._was_free = self._was_free or not reasons
+        for reason in reasons:
+            self._latch(reason)
+        if held := self._latched:
+            reasons.append(because(Cause.LATCHED, held.words, held.who))
+        causes = dict.fromkeys(cause for reason in reasons for cause in reason.causes)
+        return Decision(bool(reasons), _joined(reasons), tuple(causes))
+
+    def reset(self, t: float) -> str:
+        """Free a latched stop; while a cause of one lasts it stays, and the causes are returned."""
+        reasons = self._reasons(t)
+        if not reasons:
+            self._latched = None
+        return _joined(reasons)
+
+    def _reasons(self, t: float) -> list[Reason]:
+        return [reason for source in self._sources for reason in source.reasons(t)]
+
+    def _latch(self, reason: Reason) -> None:
+        pushed, waits = ((cause,) == reason.causes for cause in (Cause.PUSH, Cause.WAITING))
+        counts = reason.latches and (pushed or (self._was_free and not waits))
+        if self.config.latch and not self._latched and counts:
+            self._latched = reason
+
+
+class StopPolicy(Stop):
+    """The stop of one skin, whose readings are its source: hysteresis, debounce and the fail-safe.
+
+    All times are of one monotonic clock [s].
+    """
+
+    config: StopConfig
+
+    def __init__(self, config: StopConfig):
+        super().__init__(config, [self])
         self._pace = Pace(config.stale_after)
         self._lates = 0  # readings that were late since they were last steady, and
         self._olds = 0  # those of them that were old when they came
@@ -163,8 +220,6 @@ class StopPolicy:
         self._pressing, self._pressing_peak = Pressing(), Pressing()
         self._faults: dict[str, Reason] = {}
         self.stands = ""  # what a touch that stands without moving may be
-        self._was_free = False
-        self._latched: Reason | None = None  # of the stop that waits for a reset
 
     def configure(self, config: StopConfig) -> None:
         """Go on with other limits; a push that is on, a fault and what is latched stay.
@@ -275,7 +330,7 @@ class StopPolicy:
         """
         if message:
             cause = Cause.WAITING if waiting else Cause.FAULT
-            self._faults[source] = Reason(cause, f"{source}: {message}")
+            self._faults[source] = because(cause, f"{source}: {message}")
             self._latch(self._faults[source])  # it may be gone before the next decision
         else:
             self._faults.pop(source, None)
@@ -299,42 +354,23 @@ class StopPolicy:
         """Whether a push is on, whatever else stops the robot."""
         return self._held_until is not None
 
-    def decide(self, t: float) -> Decision:
-        """Return what holds at t, also when no reading comes: call it on a timer."""
-        reasons = self._causes(t)
-        self._was_free = self._was_free or not reasons
-        for reason in reasons:
-            self._latch(reason)
-        if self._latched:
-            reasons.append(Reason(Cause.LATCHED, str(self._latched)))
-        causes = tuple(reason.cause for reason in reasons)
-        return Decision(bool(reasons), _joined(reasons), causes)
-
     def reset(self, t: float) -> str:
-        """Free a latched stop; while a cause of it lasts it stays, and the causes are returned."""
+        """Free a latched stop, as every stop does, and a push that only faded."""
         over = self._newest - self._above >= self.config.hold and self._above_since is None
         if self.pushed and over and not self._let_go:
             self._pressing.begin()  # somebody has checked what only faded
             self._pressing_peak.begin()
             self._held_until = None
-        causes = self._causes(t)
-        if not causes:
-            self._latched = None
-        return _joined(causes)
+        return super().reset(t)
 
-    def _latch(self, reason: Reason) -> None:
-        cause = reason.cause
-        counts = cause is Cause.PUSH or (self._was_free and cause is not Cause.WAITING)
-        if self.config.latch and not self._latched and counts:
-            self._latched = reason
-
-    def _causes(self, t: float) -> list[Reason]:
+    def reasons(self, t: float) -> list[Reason]:
+        """Return a push that is on, faults of stages, and that readings are old."""
         words = "; ".join(filter(None, [self._words, self.stands]))
-        reasons = [Reason(Cause.PUSH, words)] if self.pushed else []
+        reasons = [because(Cause.PUSH, words)] if self.pushed else []
         reasons += [reason for _, reason in sorted(self._faults.items())]
         fresh = -MAX_AHEAD <= t - self._newest <= self.stale_after
         if not (fresh and self._steady):
-            reasons.append(Reason(Cause.STALE, self._stale(t, fresh)))
+            reasons.append(because(Cause.STALE, self._stale(t, fresh)))
         return reasons
 
     def _stale(self, t: float, fresh: bool) -> str:

@@ -39,7 +39,7 @@ def register(parser) -> None:
 def run(args) -> int:
     """Record until it ends."""
     plan = plan_of(args.words, "skin.launch.yaml", record=args.out)
-    recorder = plan.programs[-1]
+    recorder = plan.nodes[-1]
     for name in ("last", "max_duration", "max_size"):
         if (value := getattr(args, name)) is not None:
             recorder.give({name: value})

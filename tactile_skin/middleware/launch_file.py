@@ -12,24 +12,54 @@ import re
 import sys
 import tempfile
 import uuid
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import FileError, LaunchError, is_unknown
 from ..files import shorten
 from ..yaml_files import parse_yaml, read_yaml
 from .bus import Parameter
-from .package import BODY, COMPOSED, MONITOR, PACKAGE, RECORDER, VIEW, share_dir
+from .package import BODY, COMPOSED, MONITOR, PACKAGE, PARTS, RECORDER, VIEW, share_dir
 from .parameter_file import CONFIG, ELSEWHERE, SKINS, ParameterFile
-from .plan import Argument, NodeAction, Plan, own_nodes
+from .plan import NodeAction, Plan, user_node, which_run
+
+
+@dataclass
+class Argument:
+    name: str
+    default: str | None
+    description: str
+
 
 RECORD = Argument("record", "", "MCAP file to record all topics to, or folder/ for such files")
-_GATE = "cmd_vel_gate"
 _SHARE = f"$(find-pkg-share {PACKAGE})"  # the only substitution in the default of an argument
 _NAMESPACE = re.compile(r"/?([A-Za-z_]\w*/?)*", re.ASCII)
+_OF_BOARD = "port", "wait_for_port"  # arguments of a skin that the demo has of its own
+
+
+def _alike(*names: str) -> dict[str, str]:
+    return {name: name for name in names}
+
+
 _OF_VIEW = {"view_host": "host", "view_port": "port", "view_controls": "controls"}
-# arguments of skin.launch.yaml that are for its namespace, or for others than the program `skin`
-_NOT_OF_SKIN = {CONFIG, "namespace", "separate", VIEW, *_OF_VIEW}
+_OF_SKIN: dict[str, dict[str, str]] = {  # node -> argument that it takes -> parameter
+    **{part: _alike("use_sim_time") for part in PARTS},
+    "serial_driver": _alike("use_sim_time", *_OF_BOARD),
+    "compensation": _alike("use_sim_time", "method"),
+    "cmd_vel_gate": _alike("use_sim_time", "stamped"),
+    "push_to_move": _alike("use_sim_time", "stamped"),
+    MONITOR: _alike("use_sim_time", "stamped", "duration"),
+    VIEW: _alike("use_sim_time") | _OF_VIEW,
+}
+_OF_BODY = {
+    BODY: _alike("wait_for_port", "method", "separate"),
+    "cmd_vel_gate": _alike("stamped"),
+    MONITOR: _alike("stamped", "duration"),
+    VIEW: _OF_VIEW,
+}
+_SKIN, _DEMO, _BODY = (f"{name}.launch.yaml" for name in ("skin", "demo", "body"))
+_FILES = {_SKIN: _OF_SKIN, _DEMO: _OF_SKIN, _BODY: _OF_BODY}
 
 
 def read_arguments(path) -> list[Argument]:
@@ -47,111 +77,82 @@ def read_plan(path, arguments: Mapping[str, object]) -> Plan:
     Raises:
         LaunchError: another file, an unknown argument, or a value that is missing or not allowed.
     """
-    if none := [name for name, value in arguments.items() if value is None]:
-        raise LaunchError(f"argument {none[0]} = None: give a value, or leave it out")
-    name = _shipped(path)
-    given = {name: str(value) for name, value in arguments.items()}
-    plan = Plan(arguments={a.name: a for a in [*_arguments_of(name), RECORD]})
-    if unknown := sorted(given.keys() - plan.arguments):
-        what = is_unknown(unknown[0], plan.arguments)
-        raise LaunchError(f"{path}: argument {unknown[0]!r} {what}")
-    for argument in plan.arguments.values():
-        if argument.default is None and argument.name not in given:
-            wanted = f"{argument.name}: give {argument.name}:=value"
-            raise LaunchError(f"{path}: {wanted}, {argument.description}")
-        given.setdefault(argument.name, argument.default or "")
-    record = given.pop(RECORD.name)
-    started = _Started(Path(path), given, plan)
-    _FILES[name](started)
-    for node in own_nodes(started.config):
-        plan.add(node)
-    if record:  # it hears all nodes, and is given the files that they have
+    plan, given = Plan(), _filled_in(path, arguments)
+    config, name = ParameterFile(given[CONFIG], own=True), Path(path).name
+    namespace = given.get("namespace", "")
+    if not _NAMESPACE.fullmatch(namespace):
+        where = f"{path}: namespace = {shorten(namespace)}"
+        raise LaunchError(f"{where}: must be names between slashes")
+    if name == _BODY and config.elsewhere:
+        raise LaunchError(
+            f"{config.path}: {SKINS}: {min(config.elsewhere)}: {ELSEWHERE} = true: other computers "
+            "are heard on ROS only: ros2 launch tactile_skin body.launch.yaml"
+        )
+    if name == _DEMO:
+        plan.commands.append(_board(given))
+    _is_true(path, "separate", given)  # of processes, on ROS
+    asked = {node: _is_true(path, node, given) for node in _FILES[name] if node in given}
+    program = () if name == _BODY else ("/" + f"{namespace}/{COMPOSED}".strip("/"),)
+    said = {p.name: p.value for p in config.overrides(*program)}
+    runs = which_run(said | asked) | asked
+    for node, takes in _FILES[name].items():
+        # an empty text is that of an argument that was not given: what the file says holds
+        own = {parameter: argument for argument, parameter in takes.items() if given[argument]}
+        parameters: list[ParameterFile | Parameter] = [config]
+        parameters += [Parameter(p, _value(path, text, given)) for p, text in own.items()]
+        if runs.get(node, True):
+            names = program if node in PARTS else ()
+            plan.add(NodeAction(node, node, namespace, parameters, [], Path(path), names))
+    for listed in config.nodes:
+        plan.add(user_node(**listed, files=[config]))
+    if record := given[RECORD.name]:  # it hears all nodes, and is given the files that they have
         to = Parameter("path", record)
         plan.add(NodeAction(RECORDER, RECORDER, "", [*plan.files(), to], file=Path(path)))
     return plan
 
 
-class _Started:
-    """What a launch file starts: its arguments filled in, and nodes that they are given to."""
-
-    def __init__(self, path: Path, given: dict[str, str], plan: Plan):
-        self.path, self.given, self.plan = path, given, plan
-        self.config = ParameterFile(given[CONFIG], own=True)
-        self._namespace = given.get("namespace", "")
-        if not _NAMESPACE.fullmatch(self._namespace):
-            where = f"{path}: namespace = {shorten(self._namespace)}"
-            raise LaunchError(f"{where}: must be names between slashes")
-
-    def wants(self, name: str) -> bool:
-        """Whether an argument is true."""
-        if (said := self.given[name].strip().lower()) not in ("true", "false", "1", "0"):
-            value = shorten(self.given[name])
-            raise LaunchError(f"{self.path}: {name} = {value}: must be true or false")
-        return said in ("true", "1")
-
-    def node(self, executable: str, *names: str, **renamed: str) -> None:
-        """Start a node with the parameter file and, by their names, the arguments that are given.
-
-        An empty text is that of an argument that was not given: what the file says holds.
-        """
-        parameters: list[ParameterFile | Parameter] = [self.config]
-        for name, parameter in (*zip(names, names, strict=True), *renamed.items()):
-            if text := self.given[name]:
-                parameters.append(Parameter(parameter, self._value(name, text)))
-        self.plan.add(
-            NodeAction(executable, executable, self._namespace, parameters, file=self.path)
-        )
-
-    def _value(self, name: str, text: str):
-        """Return the value of an argument: a text is read as YAML, as ROS 2 does."""
-        try:
-            return parse_yaml(text, f"{self.path}: {name} = {shorten(text)}")
-        except FileError as error:
-            raise LaunchError(str(error)) from error
+def _filled_in(path, arguments: Mapping[str, object]) -> dict[str, str]:
+    """Return the text of each argument that the file takes: the given one, or its default."""
+    known = {argument.name: argument for argument in read_arguments(path)}
+    if none := [name for name, value in arguments.items() if value is None]:
+        raise LaunchError(f"argument {none[0]} = None: give a value, or leave it out")
+    if unknown := sorted(arguments.keys() - known):
+        raise LaunchError(f"{path}: argument {unknown[0]!r} {is_unknown(unknown[0], known)}")
+    given = {name: str(value) for name, value in arguments.items()}
+    for argument in known.values():
+        if argument.default is None and argument.name not in given:
+            wanted = f"{argument.name}: give {argument.name}:=value"
+            raise LaunchError(f"{path}: {wanted}, {argument.description}")
+        given.setdefault(argument.name, argument.default or "")
+    return given
 
 
-def _skin(started: _Started) -> None:
-    started.wants("separate")  # of processes, on ROS
-    started.node(COMPOSED, *(a for a in started.given if a not in _NOT_OF_SKIN))
-    if started.wants(VIEW):
-        started.node(VIEW, "use_sim_time", **_OF_VIEW)
-
-
-def _demo(started: _Started) -> None:
+def _board(given: dict[str, str]) -> list[str]:
+    """Return the command of the demo's board, whose port the skin is given."""
     link = f"{tempfile.gettempdir()}/skin_{os.getpid()}_{uuid.uuid4().hex[:8]}/board"
+    given |= zip(_OF_BOARD, (link, "15.0"), strict=True)
     sim = [sys.executable, "-m", PACKAGE, "sim", "--once", f"--link={link}"]
-    plays = f"--scene={started.given.pop('scene')}", f"--{CONFIG}={started.given[CONFIG]}"
-    started.plan.commands.append([*sim, *plays])
-    started.given |= {"port": link, "wait_for_port": "15.0"}
-    _skin(started)
+    return [*sim, f"--scene={given['scene']}", f"--{CONFIG}={given[CONFIG]}"]
 
 
-def _body(started: _Started) -> None:
-    if far := min(started.config.elsewhere, default=""):
-        raise LaunchError(
-            f"{started.config.path}: {SKINS}: {far}: {ELSEWHERE} = true: other computers are heard "
-            "on ROS only: ros2 launch tactile_skin body.launch.yaml"
-        )
-    started.node(BODY, "wait_for_port", "method", "separate")
-    if started.wants(_GATE):
-        started.node(_GATE, "stamped")
-    if started.wants(MONITOR):
-        started.node(MONITOR, "stamped", "duration")
-    if started.wants(VIEW):
-        started.node(VIEW, **_OF_VIEW)
+def _is_true(path, name: str, given: Mapping[str, str]) -> bool:
+    if (said := given[name].strip().lower()) not in ("true", "false", "1", "0"):
+        raise LaunchError(f"{path}: {name} = {shorten(given[name])}: must be true or false")
+    return said in ("true", "1")
 
 
-_FILES: dict[str, Callable[[_Started], None]] = {
-    "skin.launch.yaml": _skin,
-    "demo.launch.yaml": _demo,
-    "body.launch.yaml": _body,
-}
+def _value(path, name: str, given: Mapping[str, str]):
+    """Return the value of an argument: a text is read as YAML, as ROS 2 does."""
+    text = given[name]
+    try:
+        return parse_yaml(text, f"{path}: {name} = {shorten(text)}")
+    except FileError as error:
+        raise LaunchError(str(error)) from error
 
 
 def _arguments_of(name: str) -> list[Argument]:
-    """Return the arguments that a file of the package declares, and those of what it includes."""
-    path = share_dir() / "launch" / name
-    entities = read_yaml(path)["launch"]
+    """Return the arguments that a file of the package declares; the demo has the skin's as well."""
+    entities = read_yaml(share_dir() / "launch" / name)["launch"]
     found = [
         Argument(a["name"], a.get("default"), a["description"])
         for a in (entity["arg"] for entity in entities if "arg" in entity)
@@ -159,10 +160,9 @@ def _arguments_of(name: str) -> list[Argument]:
     for argument in found:
         if argument.default is not None:
             argument.default = argument.default.replace(_SHARE, str(share_dir()))
-    for include in (e["include"] for e in entities if name.startswith("demo") and "include" in e):
-        said = {a.name for a in found} | {a["name"] for a in include["arg"]}
-        found += [a for a in _arguments_of(Path(include["file"]).name) if a.name not in said]
-    return found
+    said = {*_OF_BOARD, *(argument.name for argument in found)}
+    more = _arguments_of(_SKIN) if name == _DEMO else []
+    return found + [argument for argument in more if argument.name not in said]
 
 
 def _shipped(path) -> str:

@@ -54,16 +54,14 @@ class Section:
     def concerns(self, full_name: str) -> bool:
         """Whether it is for the node of this full name."""
         space, _, name = full_name.strip("/").rpartition("/")
-        if self.node:
-            return self.namespace in (None, space) and self.node == name
-        return self.namespace is None or f"{space}/".startswith(f"{self.namespace}/")
+        return self.namespace in (None, space) and self.node in ("", name)
 
 
 class ParameterFile:
     """A ROS 2 parameter file: ``node_name: {ros__parameters: {...}}``, ``/**`` for every node.
 
-    Each is for every node, ``/**`` or, of a namespace, ``/left/**``; for a node in any namespace,
-    ``/**/stop_on_push``; or for the one of this full name, which may stand within its namespace.
+    Each is for every node, ``/**``; for a node in any namespace, ``/**/stop_on_push``; or for the
+    one of this full name, which may stand within its namespace.
 
     ``skins:`` names those of a body. What a skin has, circuit, curve, geometry, port and the
     parameters of nodes by their names, is for the nodes in its namespace, and wins over what its
@@ -77,7 +75,7 @@ class ParameterFile:
 
     Attributes:
         skins: their names.
-        nodes: of a user's: the keys of _OF_NODE, of which `class` is there.
+        nodes: of a user's: what `user_node` takes of each.
         elsewhere: of those of them that another computer runs.
         sections: what they are given; the later wins.
 
@@ -116,7 +114,9 @@ class ParameterFile:
             if key not in _OF_NODE or not isinstance(value, _OF_NODE[key]):
                 known = ", ".join(f"{name} ({kind.__name__})" for name, kind in _OF_NODE.items())
                 raise FileError(f"{where}: {key}: must be one of {known}")
-        return given | {"parameters": _flat(given.get("parameters", {}), where)}
+        named = {key: given[key] for key in ("name", "namespace") if key in given}
+        named["parameters"] = _flat(given.get("parameters", {}), where)
+        return {"node": given["class"], "remappings": given.get("remap", {}).items()} | named
 
     def _read(self, name: str, section) -> None:
         below = section if isinstance(section, dict) else {}
@@ -132,17 +132,15 @@ class ParameterFile:
                 f"{self.path}: {name}: must hold ros__parameters and nothing else{hint}"
             )
         where = f"{self.path}: {name}"
-        names = name.strip("/").split("/")
-        literal = [one for one in names if one != "**"]
-        ours = self.own or names[-1] in CLASSES or "*" in names[-1]
-        strange = "*" in "".join(literal) or names.count("**") > 1 or "**" in names[1:-1]
-        if ours and strange:
+        space, _, node = name.strip("/").rpartition("/")
+        namespace = None if space == "**" or (space, node) == ("", "**") else space
+        node = "" if (space, node) == ("", "**") else node
+        ours = self.own or node in CLASSES or "*" in node
+        if ours and "*" in f"{namespace or ''}{node}":
             raise FileError(
-                f"{where}: must be /**, /NAMESPACE/**, /**/NODE or a node's full name; the skins "
-                f"of a body stand under {SKINS}"
+                f"{where}: must be /**, /**/NODE or a node's full name; what is of a namespace "
+                f"stands under {SKINS}, by its name"
             )
-        node = "" if names[-1] == "**" else literal.pop()
-        namespace = None if names[0] == "**" else "/".join(literal)
         values = section["ros__parameters"]
         flat = _flat({} if values is None else values, where)
         read = Section(where, namespace, node, flat)

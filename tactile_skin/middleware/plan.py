@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -45,18 +44,11 @@ _OF_SKINS = {BODY: ("circuit", "geometry", "frame_id"), VIEW: SHARED, MONITOR: (
 
 
 @dataclass
-class Argument:
-    name: str
-    default: str | None
-    description: str
-
-
-@dataclass
 class NodeAction:
     """A node to be started.
 
     Attributes:
-        executable: which one: a name in CLASSES, `skin`, or module.Class of a user's.
+        executable: which one: a name in CLASSES, or module.Class of a user's.
     """
 
     executable: str
@@ -119,90 +111,48 @@ class NodeAction:
 
 @dataclass
 class Plan:
-    """What a launch file, with its arguments filled in, starts.
+    """What a launch file, with its arguments filled in, starts."""
 
-    Attributes:
-        programs: nodes, and what stands for several: `skin`.
-    """
-
-    programs: list[NodeAction] = field(default_factory=list)
+    nodes: list[NodeAction] = field(default_factory=list)
     commands: list[list[str]] = field(default_factory=list)
-    arguments: dict[str, Argument] = field(default_factory=dict)
-
-    @cached_property
-    def nodes(self) -> list[NodeAction]:
-        """The nodes; to know those of `skin` takes the import of SciPy, half of a skin's start."""
-        return [node for program in self.programs for node in _nodes_of(program)]
 
     def add(self, node: NodeAction) -> None:
-        """Start another node, or what stands for several."""
-        added = [node] if node.executable == COMPOSED else with_skins(node)
-        self.programs += added
-        if "nodes" in vars(self):
-            self.nodes += [one for program in added for one in _nodes_of(program)]
+        """Start another node; of a body with those of its skins."""
+        self.nodes += with_skins(node)
 
     def files(self) -> list[ParameterFile]:
         """Return each parameter file that a node is given, once."""
-        return list(dict.fromkeys(file for action in self.programs for file in action.files()))
+        return list(dict.fromkeys(file for action in self.nodes for file in action.files()))
 
 
 def user_node(
     node: type | str,
-    name: str,
-    namespace: str,
     parameters: Mapping[str, Any],
-    remappings: Iterable[tuple[str, str]],
+    name: str = "",
+    namespace: str = "",
+    remappings: Iterable[tuple[str, str]] = (),
     files: Sequence[ParameterFile] = (),
 ) -> NodeAction:
     """Return a node that a user adds: a class, module.Class, or the name of one of ours."""
     kind = node if isinstance(node, str) else f"{node.__module__}.{node.__qualname__}"
-    action = NodeAction(kind, name or kind.rpartition(".")[2], namespace, [*files])
-    action.remappings = list(remappings)
+    action = NodeAction(kind, name or kind.rpartition(".")[2], namespace, [*files], [*remappings])
     action.file = files[0].path if files else Path("skin.add")
     action.given_class = node if isinstance(node, type) else None
     action.give(parameters)
     return action
 
 
-def own_nodes(file: ParameterFile) -> list[NodeAction]:
-    """Return the nodes of a user's that a parameter file lists under `nodes`."""
-    return [
-        user_node(
-            asked["class"],
-            asked.get("name", ""),
-            asked.get("namespace", ""),
-            asked["parameters"],
-            asked.get("remap", {}).items(),
-            [file],
-        )
-        for asked in file.nodes
-    ]
-
-
-def _nodes_of(program: NodeAction) -> list[NodeAction]:
-    if program.executable != COMPOSED:
-        return [program]
-    return [node for part in parts_of(program) for node in with_skins(part)]
-
-
-def parts_of(program: NodeAction) -> list[NodeAction]:
-    """Return the nodes that the program `skin` is to run, each with the parameters that it has."""
-    given = _shared_out(program, PARTS, PARTS.keys())
-    wanted = PARTS | {k: v for k, v in program.values().items() if k in PARTS}
+def which_run(values: Mapping[str, Any]) -> dict[str, bool]:
+    """Return which nodes the program `skin` is to run, by its parameters, name -> value."""
+    wanted = PARTS | {name: value for name, value in values.items() if name in PARTS}
     for name, runs in wanted.items():
         if not isinstance(runs, bool):
-            raise ParameterError(
-                f"parameter {name} of {COMPOSED} = {runs!r}: must be true or false"
-            )
-    names = replace(program, name=COMPOSED).full_name, program.full_name
-    return [
-        replace(program, executable=kind, name=kind, parameters=given[kind], programs=names)
-        for kind, runs in wanted.items()
-        if runs
-    ]
+            what = f"parameter {name} of {COMPOSED} = {runs!r}"
+            raise ParameterError(f"{what}: must be true or false")
+    return wanted
 
 
-def _shared_out(program: NodeAction, kinds, others=()) -> dict[str, list]:
+def shared_out(program: NodeAction, kinds, others=()) -> dict[str, list]:
     """Return what each of a program's nodes is given of its parameters; none must be left."""
     from ..parameters.nodes import all_names  # here: reading a launch file needs none
 
@@ -252,7 +202,7 @@ def _of_body(body: NodeAction, files: list[ParameterFile], spaces: dict) -> list
     """Return the nodes of a body's skins, name -> namespace; a value is for those that have it."""
     if not spaces:
         raise LaunchError(f"{body.file}: {BODY}: needs config:=FILE, with the skins of the body")
-    own = _shared_out(body, (*SKIN_NODES, BODY))
+    own = shared_out(body, (*SKIN_NODES, BODY))
     elsewhere = {name for file in files for name in file.elsewhere}
     nodes = [
         NodeAction(kind, kind, space, own[kind], [], body.file)

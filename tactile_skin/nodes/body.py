@@ -133,7 +133,7 @@ class Body:
         t = now(self.node)
         self._bases[name] = seconds(msg.header)
         self._ages[name] = t - self._bases[name]
-        self.stop.hear(t, name, stop_message_of(msg, t), self._bases[name])
+        self.stop.skins[name].hear(t, stop_message_of(msg, t), self._bases[name])
         self._decide(t, always=False)
 
     def on_wrench(self, name: str, msg: WrenchStamped) -> None:
@@ -173,7 +173,7 @@ class Body:
                 pose = self._tf.lookup(self._frame, here, seconds(header))
             except LookupError as error:
                 words = f"{error}: publish it on tf, or set one frame_id for all skins"
-        self.stop.fault(name, words)
+        self.stop.skins[name].fault = words
         return pose
 
     def _joined(self, name: str, header: Header) -> None:

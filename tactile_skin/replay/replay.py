@@ -190,7 +190,7 @@ def _plan(config) -> Plan:
     """Return the nodes that follow the board."""
     arguments = {"config": str(config)} if config else {}
     plan = read_plan(find("skin.launch.yaml"), arguments | {"port": _NO_PORT, "monitor": "false"})
-    return replace(plan, programs=[a for a in plan.nodes if a.executable in _NODES])
+    return replace(plan, nodes=[a for a in plan.nodes if a.executable in _NODES])
 
 
 _STEP = 10**14  # ns of which a float holds each

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactile_skin.behaviours.stop import Cause, StopConfig, StopPolicy
+from tactile_skin.behaviours.stop import Cause, Stop, StopConfig, StopPolicy, because
 
 CONFIG = StopConfig(threshold=10.0, release=6.0, debounce=0.02, lead=0.0)
 
@@ -537,3 +537,24 @@ def test_a_push_is_said_with_what_it_may_be():
     said = policy.reading(0.5, 41.0, felt=14.0).reason
     assert said == "push: 14 N (may be 41 N: newtons are not proved), limit 30 N"
     assert policy.reading(0.51, 44.0, felt=15.0).reason == said, "each new reason calls the hooks"
+
+
+class Door:
+    """A source of somebody's own, which is no skin."""
+
+    open = False
+
+    def reasons(self, t):
+        return [because(Cause.FAULT, "is open", "door")] if self.open else []
+
+
+def test_any_source_stops_by_its_name_and_latches():
+    door = Door()
+    stop = Stop(StopConfig(latch=True), [door, Door()])
+    assert not stop.decide(0.0).stop
+    door.open = True
+    assert stop.decide(0.1).reason == "door: fault: is open + door: latched: fault: is open"
+    assert stop.reset(0.2) == "door: fault: is open"
+    door.open = False
+    assert stop.decide(0.3).causes == (Cause.LATCHED,)
+    assert stop.reset(0.4) == "" and not stop.decide(0.4).stop

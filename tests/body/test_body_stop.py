@@ -17,27 +17,27 @@ def free(until: float) -> StopMessage:
 def body():
     """Two skins that are free until 0.2 s."""
     stop = BodyStop(("chest", "back"), StopConfig(threshold=30.0, release=20.0, hold=0.3), 0.0)
-    stop.hear(0.0, "chest", free(0.2))
-    stop.hear(0.0, "back", free(0.2))
+    stop.skins["chest"].hear(0.0, free(0.2))
+    stop.skins["back"].hear(0.0, free(0.2))
     return stop
 
 
 def test_both_free_is_free_until_the_first_expires(body):
     assert body.decide(0.1) == (False, "", ())
-    body.hear(0.1, "chest", free(0.4))
+    body.skins["chest"].hear(0.1, free(0.4))
     assert body.until == 0.2
 
 
 def test_a_skin_that_nobody_has_heard_stops_with_its_name():
     stop = BodyStop(("chest", "back"), StopConfig(), 0.0)
-    stop.hear(0.0, "chest", free(1.0))
+    stop.skins["chest"].hear(0.0, free(1.0))
     decision = stop.decide(0.0)
     assert decision.reason == "back: waiting: no message from its stop yet"
     assert decision.causes == (Cause.WAITING,)
 
 
 def test_a_push_on_one_is_a_push_alone_and_names_it(body):
-    body.hear(0.1, "back", StopMessage(True, "push", causes=(Cause.PUSH,)))
+    body.skins["back"].hear(0.1, StopMessage(True, "push", causes=(Cause.PUSH,)))
     decision = body.decide(0.1)
     assert decision.reason == "back: push"
     assert decision.for_push_alone
@@ -45,40 +45,40 @@ def test_a_push_on_one_is_a_push_alone_and_names_it(body):
 
 
 def test_a_push_and_a_fault_are_no_push_alone(body):
-    body.hear(0.1, "back", StopMessage(True, "push", causes=(Cause.PUSH,)))
-    body.hear(0.1, "chest", StopMessage(True, "fault: a cable", causes=(Cause.FAULT,)))
+    body.skins["back"].hear(0.1, StopMessage(True, "push", causes=(Cause.PUSH,)))
+    body.skins["chest"].hear(0.1, StopMessage(True, "fault: a cable", causes=(Cause.FAULT,)))
     decision = body.decide(0.1)
     assert decision.reason == "chest: fault: a cable + back: push"
     assert not decision.for_push_alone
 
 
 def test_silence_and_an_old_free_stop_with_the_name(body):
-    body.hear(0.1, "chest", free(0.4))
+    body.skins["chest"].hear(0.1, free(0.4))
     assert not body.decide(0.15).stop
     assert body.decide(0.16).reason.startswith("back: stale: no message from its stop")
-    body.hear(0.16, "back", free(0.16))
+    body.skins["back"].hear(0.16, free(0.16))
     assert body.decide(0.17).reason.startswith("back: stale: the stop's last 'free'")
 
 
 def test_a_computer_whose_clock_is_ahead_stops_by_name(body):
     """Its "free" would hold for longer than its readings are fresh."""
-    body.hear(0.1, "chest", free(9.0), stamp=0.1)
-    body.hear(0.1, "back", free(9.0), stamp=0.13)
+    body.skins["chest"].hear(0.1, free(9.0), stamp=0.1)
+    body.skins["back"].hear(0.1, free(9.0), stamp=0.13)
     decision = body.decide(0.1)
     assert decision.reason == "back: stale: its clock is ahead: synchronise the clocks"
     assert decision.causes == (Cause.STALE,) and body.stopping(0.1) == ["back"]
     push = StopMessage(True, "push", causes=(Cause.PUSH,))
-    body.hear(0.1, "back", push, stamp=0.13)
+    body.skins["back"].hear(0.1, push, stamp=0.13)
     assert body.decide(0.1).reason.startswith("back: push + stale: its clock is ahead")
     assert not body.decide(0.1).for_push_alone
-    body.hear(0.1, "back", free(0.3), stamp=0.11)  # MAX_AHEAD is 0.02
+    body.skins["back"].hear(0.1, free(0.3), stamp=0.11)  # MAX_AHEAD is 0.02
     assert not body.decide(0.1).stop
 
 
 def test_a_free_that_is_old_on_arrival_is_of_a_late_or_another_clock(body):
-    body.hear(0.1, "back", free(0.05), stamp=-0.1)
+    body.skins["back"].hear(0.1, free(0.05), stamp=-0.1)
     assert body.decide(0.1).reason.startswith("back: stale: its 'free' is old when it arrives")
-    body.hear(0.1, "back", free(0.3), stamp=0.1)
+    body.skins["back"].hear(0.1, free(0.3), stamp=0.1)
     assert not body.decide(0.1).stop
 
 
@@ -88,7 +88,7 @@ def test_a_clock_that_is_set_back_stops(body):
 
 def keep_free(body, t: float) -> None:
     for skin in ("chest", "back"):
-        body.hear(t, skin, free(t + 0.2))
+        body.skins[skin].hear(t, free(t + 0.2))
 
 
 def test_a_push_across_two_skins_counts_together_and_is_held(body):
@@ -192,11 +192,11 @@ def test_a_clock_that_is_set_back_does_not_hold_a_push_across_two_for_as_long(bo
 def disturbed(stop, trouble: str, t: float) -> None:
     """What the body alone knows of; the skin itself is free all the while."""
     if trouble == "tf":
-        stop.fault("back", "no transform")
+        stop.skins["back"].fault = "no transform"
     elif trouble == "late":
-        stop.hear(t, "back", free(t - 0.1), stamp=t - 0.2)
+        stop.skins["back"].hear(t, free(t - 0.1), stamp=t - 0.2)
     elif trouble == "ahead":
-        stop.hear(t, "back", free(t + 1.0), stamp=t + 1.0)
+        stop.skins["back"].hear(t, free(t + 1.0), stamp=t + 1.0)
 
 
 @pytest.mark.parametrize("trouble", ["silent", "late", "ahead", "tf"])
@@ -206,11 +206,11 @@ def test_what_the_body_alone_knows_of_latches_once_it_was_free(trouble):
     assert stop.decide(0.2).stop  # nothing was heard: no latch
     keep_free(stop, 0.3)
     assert not stop.decide(0.3).stop
-    stop.hear(0.5, "chest", free(0.7))
+    stop.skins["chest"].hear(0.5, free(0.7))
     disturbed(stop, trouble, 0.5)
     why = stop.decide(0.5).reason
     assert stop.reset(0.5).startswith("back: ")
-    stop.fault("back", "")
+    stop.skins["back"].fault = ""
     keep_free(stop, 0.6)
     decision = stop.decide(0.6)
     assert decision.reason.startswith("back: latched: ") and decision.reason in why
@@ -223,15 +223,15 @@ def test_what_a_skins_own_stop_latches_or_not_the_body_does_not_latch():
     stop = BodyStop(("chest", "back"), StopConfig(latch=True), 0.0)
     keep_free(stop, 0.0)
     assert not stop.decide(0.0).stop
-    stop.hear(0.1, "back", StopMessage(True, "push", causes=(Cause.PUSH,)))
+    stop.skins["back"].hear(0.1, StopMessage(True, "push", causes=(Cause.PUSH,)))
     assert stop.decide(0.1).stop
     keep_free(stop, 0.2)
     assert not stop.decide(0.2).stop
 
 
 def test_a_skin_in_another_frame_is_a_fault(body):
-    body.fault("back", "its messages are in arm")
+    body.skins["back"].fault = "its messages are in arm"
     assert body.decide(0.1).reason == "back: fault: its messages are in arm"
     assert body.stopping(0.1) == ["back"]
-    body.fault("back", "")
+    body.skins["back"].fault = ""
     assert not body.decide(0.1).stop

@@ -4,13 +4,7 @@
 import pytest
 from support.bench import Bench
 
-from tactile_skin.middleware.bus import (
-    SET_PARAMETERS,
-    ManualClock,
-    Parameter,
-    SetParameters,
-    Time,
-)
+from tactile_skin.middleware.bus import ManualClock, Parameter, Time
 from tactile_skin.msg import (
     Bool,
     DiagnosticArray,
@@ -36,14 +30,11 @@ class Changing(Bench):
         super().__init__()
         self.handle, self.other = self.node("n", values), self.node("other")
         self.changed = kind(self.handle)
-        self._client = self.other.create_client(SetParameters, f"/n/{SET_PARAMETERS[2:]}")
 
     def set(self, **values) -> str:
         """Why not, or nothing."""
         wanted = [Parameter(*item) for item in values.items()]
-        future = self._client.call_async(SetParameters.Request(wanted))
-        self.executor.spin_some()
-        answer = future.result(0)
+        answer = self.handle.set_parameters_atomically(wanted)
         assert answer.successful is not bool(answer.reason)
         return answer.reason
 

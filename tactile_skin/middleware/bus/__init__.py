@@ -9,22 +9,15 @@ delays nobody but itself.
 """
 
 from .clock import ManualClock, Time
+from .context import Context, type_name
 from .executors import MultiThreadedExecutor, SingleThreadedExecutor
+from .inbox import result_of
 from .node import Node
-from .parameters import ANYTHING, SET_PARAMETERS, Parameter, SetParameters
-from .topics import (
-    Context,
-    DurabilityPolicy,
-    Listener,
-    Publisher,
-    QoSProfile,
-    ReliabilityPolicy,
-    type_name,
-)
+from .parameters import ANYTHING, Parameter, SetParametersResult
+from .topics import DurabilityPolicy, Listener, Publisher, QoSProfile, ReliabilityPolicy
 
 __all__ = [
     "ANYTHING",
-    "SET_PARAMETERS",
     "Context",
     "DurabilityPolicy",
     "Listener",
@@ -35,8 +28,9 @@ __all__ = [
     "Publisher",
     "QoSProfile",
     "ReliabilityPolicy",
-    "SetParameters",
+    "SetParametersResult",
     "SingleThreadedExecutor",
     "Time",
+    "result_of",
     "type_name",
 ]

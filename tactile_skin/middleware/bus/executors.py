@@ -48,7 +48,7 @@ class Turns:
 
     def _message(self):
         for node in reversed(self._nodes):
-            if node._inbox and (job := node._take_message()) is not None:
+            if node._turns and (job := node._take_message()) is not None:
                 self._timer_was_last = False
                 return node, job
         return None

@@ -4,34 +4,22 @@
 from __future__ import annotations
 
 import logging
-import math
-import threading
-from collections import deque
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future
 from typing import TypeVar
 
 from ...errors import ParameterError
 from ...fields import About
-from .calls import DUE, Client, Service, Timer
-from .parameters import ANYTHING, SET_PARAMETERS, Parameter, SetParameters, checked
-from .topics import (
-    Context,
-    DurabilityPolicy,
-    Listener,
-    Publisher,
-    QoSProfile,
-    Subscription,
-    as_qos,
-    default_context,
-    type_name,
-)
+from .context import Context, default_context, type_name
+from .inbox import Inbox, Timer
+from .parameters import ANYTHING, Parameter, SetParametersResult, checked
+from .services import Client, Service
+from .topics import DurabilityPolicy, Listener, Publisher, QoSProfile, Subscription, as_qos
 
 _Heard = TypeVar("_Heard", bound=Subscription)
 _LATCHED = QoSProfile(durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-class Node:
+class Node(Inbox):
     """A named set of callbacks, as rclpy's Node.
 
     Args:
@@ -57,27 +45,21 @@ class Node:
         namespace: str = "",
         parameter_overrides: list[Parameter] | None = None,
     ):
-        self.context = context or default_context
         self._name = node_name
         self._namespace = "/" + namespace.strip("/") if namespace.strip("/") else "/"
+        name = self.get_fully_qualified_name()
+        # as ROS names it, below that of the package
+        logger = logging.getLogger(f"tactile_skin{name.replace('/', '.')}")
+        super().__init__(context or default_context, logger)
         self._overrides = {p.name: p.value for p in parameter_overrides or []}
         self._parameters: dict[str, Parameter] = {}
         self._described: dict[str, About] = {}
         self._on_set: Callable | None = None
-        self._lock = threading.RLock()
-        self._wake = threading.Event()
-        # Whose message or request comes next, in the order of their arrival, one entry for each.
-        self._inbox: deque[Subscription | Service] = deque()
-        self._gone = False
         self._subscriptions: list[Subscription] = []
-        self._timers: list[Timer] = []
         self._services: list[Service] = []
         self._publishers: list[Publisher] = []
-        self._errors: dict[int, tuple[int, float]] = {}
-        self._in_callback = False
         self._remapped = {self._expand(a): self._expand(b) for a, b in reversed(remappings)}
-        self.context.node_names.add(self.get_fully_qualified_name())
-        self.context.nodes[self.get_fully_qualified_name()] = self
+        self.context.nodes[name] = self
 
     # names
 
@@ -156,20 +138,22 @@ class Node:
 
     def create_service(self, srv_type, srv_name: str, callback) -> Service:
         service = Service(self, srv_type, self.resolve_service_name(srv_name), callback)
-        with self._lock:
+        offered = self.context._services
+        with self.context._lock:
+            if service.srv_name in offered:
+                raise ValueError(f"service {service.srv_name} is offered already")
+            offered[service.srv_name] = service
             self._services.append(service)
         return service
 
     def create_client(self, srv_type, srv_name: str) -> Client:
-        return Client(self, srv_type, self.resolve_service_name(srv_name))
+        return Client(self.context, srv_type, self.resolve_service_name(srv_name))
 
     def get_clock(self):
         return self.context.clock
 
     def get_logger(self) -> logging.Logger:
-        """Return the logger of its full name, as ROS names it, below that of the package."""
-        name = self.get_fully_qualified_name().replace("/", ".")
-        return logging.getLogger(f"tactile_skin{name}")
+        return self._logger
 
     def declare_parameter(self, name: str, value, descriptor: About = ANYTHING) -> Parameter:
         """Announce a parameter; its value is the override, or the given default.
@@ -198,28 +182,29 @@ class Node:
                 change; a ValueError refuses them, with its text as the reason.
         """
         self._on_set = callback
-        Node.create_service(self, SetParameters, SET_PARAMETERS, self._set_parameters)
 
-    def _set_parameters(self, request, response):
-        """All or none: each is checked as when it was declared, then they are together."""
+    def set_parameters_atomically(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+        """Change all or none, as rclpy does: each is checked as when it was declared.
+
+        To be called in the node's thread: `ask` does so from another one.
+        """
         changed = {}
         try:
-            for p in request.parameters:
+            for p in parameters:
                 old = self.get_parameter(p.name)
                 described = self._described[p.name]
-                if not described.live:
+                if not described.live or self._on_set is None:
                     raise ParameterError(
                         f"parameter {p.name} of node {self._name} is read at the start only"
                     )
                 changed[p.name] = checked(self._name, p.name, p.value, old.value, described)
             free = [name for name, d in self._described.items() if d.live]
-            self._on_set({name: self._parameters[name].value for name in free} | changed)
+            if self._on_set:
+                self._on_set({name: self._parameters[name].value for name in free} | changed)
         except ValueError as error:
-            response.reason = str(error)
-            return response
+            return SetParametersResult(False, str(error))
         self._parameters |= {name: Parameter(name, value) for name, value in changed.items()}
-        response.successful = True
-        return response
+        return SetParametersResult(True)
 
     def destroy_node(self) -> None:
         """Leave all topics and services; callbacks under way finish."""
@@ -231,73 +216,10 @@ class Node:
                 self.context._publishers[p.topic_name].remove(p)
             for service in self._services:
                 del self.context._services[service.srv_name]
-                for _, future in service._queue:
-                    if future.set_running_or_notify_cancel():
-                        future.set_exception(RuntimeError(f"{service.srv_name}: its node is gone"))
-            for kept in (self._subscriptions, self._publishers, self._timers, self._services):
+            for kept in (self._subscriptions, self._publishers, self._services):
                 kept.clear()
-            self._inbox.clear()
-            self._gone = True
+            self._leave()
         self._wake.set()
-
-    # what an executor does with it
-
-    def _first_due(self) -> float:
-        """When the next timer is due [ns]; infinite: there is none."""
-        with self._lock:
-            return min(map(DUE, self._timers), default=math.inf)
-
-    def _take_timer(self, now: int):
-        """Return the call of the timer due first (callback, arguments, future), or None."""
-        with self._lock:
-            timer = min(self._timers, key=DUE, default=None)
-            if timer is None or timer._due > now:
-                return None
-            timer._step(now)
-            self._in_callback = True
-            return timer.callback, (), None
-
-    def _take_message(self):
-        """Return the oldest message's or request's call (callback, arguments, future), or None."""
-        with self._lock:
-            if not self._inbox:
-                return None
-            self._in_callback = True
-            return self._inbox.popleft()._next()
-
-    def _idle(self) -> bool:
-        """Whether no message waits and no callback runs."""
-        with self._lock:
-            return not self._inbox and not self._in_callback
-
-    def _call(self, callback, arguments, future: Future | None) -> None:
-        try:
-            if future is not None and not future.set_running_or_notify_cancel():
-                return  # nobody waits for the response any more
-            result = callback(*arguments)
-        except (Exception, SystemExit) as error:  # a node's thread must not end silently
-            self._report(callback, error)
-            if future is not None:
-                future.set_exception(error)
-        else:
-            if future is not None:
-                future.set_result(result)
-        finally:
-            self._in_callback = False
-
-    def _report(self, callback, error: BaseException) -> None:
-        """Log an isolated callback's exception: the first in full, then one line in 5 s."""
-        count, last = self._errors.get(id(callback), (0, -1e9))  # by id: it may not be hashable
-        now = self.context.clock.now().nanoseconds / 1e9
-        said = count == 0 or now - last >= 5.0
-        self._errors[id(callback)] = count + 1, now if said else last
-        if not said:
-            return
-        name = getattr(callback, "__qualname__", None) or repr(callback)
-        if count == 0:
-            self.get_logger().error("callback %s raised", name, exc_info=error)
-        else:
-            self.get_logger().error("callback %s raised %d times: %r", name, count + 1, error)
 
     @property
     def publishers(self) -> tuple[Publisher, ...]:
@@ -309,8 +231,3 @@ class Node:
         """Number of messages that the queues of its subscriptions have dropped."""
         with self._lock:
             return sum(subscription.dropped for subscription in self._subscriptions)
-
-    @property
-    def callback_errors(self) -> int:
-        """Number of exceptions that callbacks of this node have raised."""
-        return sum(count for count, _ in tuple(self._errors.values()))

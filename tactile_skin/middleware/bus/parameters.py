@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any
 
 from ...errors import ParameterError
 from ...fields import About
@@ -22,22 +22,12 @@ class Parameter:
     source: str = field(default="", compare=False)
 
 
-class SetParameters:
-    """The service by which a node is asked to change parameters, all of them or none."""
+@dataclass(frozen=True)
+class SetParametersResult:
+    """As rcl_interfaces/msg/SetParametersResult: what a node answers that is to change some."""
 
-    TYPE: ClassVar[str] = "rcl_interfaces/srv/SetParametersAtomically"
-
-    @dataclass
-    class Request:
-        parameters: list[Parameter] = field(default_factory=list)
-
-    @dataclass
-    class Response:  # rcl_interfaces/msg/SetParametersResult
-        successful: bool = False
-        reason: str = ""
-
-
-SET_PARAMETERS = "~/set_parameters_atomically"
+    successful: bool
+    reason: str = ""
 
 
 def checked(node: str, name: str, value, default, about: About):

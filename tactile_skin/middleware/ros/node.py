@@ -201,9 +201,9 @@ class RosNode(bus.Node):
         def arrived(message) -> None:  # in ROS's thread: queue it, nothing else
             taken = from_ros(msg_type, message)
             if shared and isinstance(taken, DiagnosticArray):  # transforms do not say whose
-                names = {f"/{status.name}" for status in taken.status}
-                if names <= self.context.node_names:  # it has arrived within this process
-                    return
+                ours = self.context.nodes
+                if all(f"/{status.name}" in ours for status in taken.status):
+                    return  # it has arrived within this process
             subscription.put(taken)
 
         def fetch() -> None:
@@ -233,19 +233,19 @@ class RosNode(bus.Node):
         service = super().create_service(srv_type, srv_name, callback)
 
         def answer(request, response):
-            ours = from_ros(srv_type.Request, request)
-            return to_ros(self._ask(srv_type, service.srv_name, ours), response)
+            ours = from_ros(srv_type.Request, request), srv_type.Response()
+            return to_ros(self._ask(srv_type.Response, callback, *ours), response)
 
         self.ros.create_service(ros_class(srv_type), service.srv_name, answer)
         return service
 
-    def _ask(self, srv_type, name: str, request):
+    def _ask(self, refusal: Callable, callback, *arguments):
         """Return what the node's own thread answers, or why it does not."""
         try:
-            return self.create_client(srv_type, name).call(request, _SERVICE_WITHIN)
+            return bus.result_of(self.ask(callback, *arguments), _SERVICE_WITHIN)
         except Exception as error:  # raised here it would end rclpy's executor
-            self.get_logger().error("service %s: %r", name, error)
-            return srv_type.Response(False, str(error) or repr(error))
+            self.get_logger().error("%r: %r", callback, error)
+            return refusal(False, str(error) or repr(error))
 
     def declare_parameter(self, name: str, value, descriptor: About = bus.ANYTHING):
         """As a node of the bus does, and show it to `ros2 param`."""
@@ -265,10 +265,9 @@ class RosNode(bus.Node):
     def _set_from_ros(self, parameters):
         """Whether parameters can be set, and why not; the node's own thread does it."""
         ours = [bus.Parameter(p.name, p.value) for p in parameters if p.name in self._parameters]
-        done = bus.SetParameters.Response(True)
+        done = bus.SetParametersResult(True)
         if ours:
-            request = bus.SetParameters.Request(ours)
-            done = self._ask(bus.SetParameters, bus.SET_PARAMETERS, request)
+            done = self._ask(bus.SetParametersResult, self.set_parameters_atomically, ours)
         return to_ros(done, rcl.SetParametersResult())
 
     def _look_at_graph(self) -> None:
