@@ -231,7 +231,7 @@ def from_files(skin: SkinConfig, files: dict, loads: list[tuple[str, str]]) -> G
     if loads and "reference" in files:
         raise ValueError("reference:= takes the place of weights: give one of both")
     if loads:
-        answers += [*loads, ("", "")]
+        answers += [*loads, ("", ""), ("", "")]  # the end, and that it is meant
         guide.fit_curve()
     if "reference" in files:
         frames, times = source.stream(files.get("touches", ""))
