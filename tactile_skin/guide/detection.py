@@ -10,7 +10,7 @@ from typing import Any
 from ..board.recognise.columns import sides
 from ..board.recognise.listen import Heard
 from ..board.recognise.seen import Seen, shown
-from ..board.serial_port import identity
+from ..board.serial_port import absolute, identity
 from ..calibration.tracker import PIN
 from ..health.doctor.advice import WIDTHS
 from ..middleware.config import skin_of
@@ -67,9 +67,9 @@ def conclude(
     if seen.text and hexadecimal is not None:
         found.read_as(hexadecimal)
         seen = found.seen
-    board = identity(given.get("port", ""))[1:]  # on USB
-    if board:
-        say(f"USB board {board[-1]} at {given['port']}")
+    port = given.get("port", "")
+    if board := identity(port)[1:]:  # on USB
+        say(f"USB board {board[-1]} at {port}")
     if shape and not found.fits(shape):
         raise ValueError(f"rows = {shape[0]}, cols = {shape[1]}: must be {_size(found.seen)}")
     rows, cols = shape or _cells(found, ask)
@@ -79,7 +79,9 @@ def conclude(
     answers = _answers(seen, given | {"rows": rows, "cols": cols}, ask)
     circuit = _circuit(seen, answers)
     say(f"{rows} x {cols} cells at {circuit['adc_bits']} bits, {answers['readout']}")
-    return _text(found, answers, circuit, board)
+    # port: auto finds a USB board again on any socket, and no other
+    where = {"serial_number": board[-1]} if board else {"port": absolute(port)} if port else {}
+    return _text(found, answers, circuit, where)
 
 
 def _base(typed: str) -> bool | None:
@@ -213,12 +215,10 @@ def _bits_of(steps: float) -> int:
     return next((bits for bits in WIDTHS if 2**bits - 1 >= steps), WIDTHS[-1])
 
 
-def _text(found: Heard, answers: dict, circuit: dict, board: tuple) -> str:
+def _text(found: Heard, answers: dict, circuit: dict, where: dict) -> str:
     """Return the parameter file."""
     seen = found.seen
-    driver = {"protocol": seen.protocol, "baud": found.baud}
-    if board:
-        driver["serial_number"] = board[-1]  # port: auto finds it again on any socket
+    driver = {"protocol": seen.protocol, "baud": found.baud} | where
     if seen.format:  # what differs from the protocol's default description
         scale = 0.0 if _width(answers) else answers.get("full_scale", 0.0)
         form = dataclasses.replace(seen.format, full_scale=scale, request=found.request)

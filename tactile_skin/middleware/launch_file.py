@@ -28,6 +28,7 @@ _GATE = "cmd_vel_gate"
 _SHARE = f"$(find-pkg-share {PACKAGE})"  # the only substitution in the default of an argument
 _NAMESPACE = re.compile(r"/?([A-Za-z_]\w*/?)*", re.ASCII)
 _OF_VIEW = {"view_host": "host", "view_port": "port", "view_controls": "controls"}
+_NUMBERS = "duration", "wait_for_port", "view_port"  # refused before a board is started
 # arguments of skin.launch.yaml that are for its namespace, or for others than the program `skin`
 _NOT_OF_SKIN = {CONFIG, "namespace", "separate", VIEW, *_OF_VIEW}
 
@@ -104,10 +105,14 @@ class _Started:
 
     def _value(self, name: str, text: str):
         """Return the value of an argument: a text is read as YAML, as ROS 2 does."""
+        where = f"{self.path}: {name} = {shorten(text)}"
         try:
-            return parse_yaml(text, f"{self.path}: {name} = {shorten(text)}")
+            value = parse_yaml(text, where)
         except FileError as error:
             raise LaunchError(str(error)) from error
+        if name in _NUMBERS and type(value) not in (int, float):
+            raise LaunchError(f"{where}: must be a number")
+        return value
 
 
 def _skin(started: _Started) -> None:
