@@ -181,7 +181,8 @@ class Opened:
         self._touched = bool(contacts)
         most = sum(max(c.bound, c.force) for c in contacts)
         peak = max((max(c.peak, c.peak_bound) for c in contacts), default=0.0)
-        self._policy.reading(t, most, peak, stamp, sum(c.force for c in contacts))
+        felt = sum(c.force for c in contacts), max((c.peak for c in contacts), default=0.0)
+        self._policy.reading(t, most, peak, stamp, *felt)
         return force
 
     def _judge(self) -> None:

@@ -280,7 +280,7 @@ class Guide:
             )
             if not word.strip() and len(weights) < LEAST_OBJECTS:
                 word = self.ask(
-                    f"  {len(weights)} of at least {LEAST_OBJECTS} objects: no curve is found then. "
+                    f"  {len(weights)} of at least {LEAST_OBJECTS} objects: no curve is found. "
                     "Enter: end all the same; or its weight: "
                 )
             if not word.strip():

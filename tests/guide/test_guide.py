@@ -155,13 +155,16 @@ def test_each_press_that_does_not_count_says_why(done):
     """A short one once it ends, and not what is left of one that has counted."""
     moves, known = "it moves: hold it still", "it is counted already: press somewhere else"
     light = [f"too light, {n}.5 of 9.0 ADC steps: press harder" for n in (5, 6)]
-    looks = iter(
-        [moves, "", light[0], "", *light, "", moves, None, known, light[0], "", known, ""]
-        + [moves, *[known] * 4, "", None, *[known] * 4, ""]
-    )
+    looks = [moves, "", light[0], "", *light, "", moves, None, known, light[0], "", known, ""]
+    looks = iter([*looks, moves, *[known] * 4, "", None, *[known] * 4, ""])
+
+    def look():
+        reason = next(looks, "")
+        return (np.zeros(SHAPE), "") if reason is None else (None, reason)
+
     heard, board = [], done[0]
     guide = Guide(board.supposed, board.frames, input, heard.append)
-    guide._new_touch = lambda: (reason := next(looks, "")) is None and (0, "") or (None, reason)
+    guide._new_touch = look
     assert len(list(guide.presses())) == 2
     said = [text.removeprefix("  does not count: ") for text in heard[:-1]]
     assert said == [moves, light[1], known, known, known]
