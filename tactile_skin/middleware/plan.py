@@ -32,6 +32,7 @@ from .parameter_file import (
     THEIRS,
     ParameterFile,
     last_of,
+    sources_of,
     unknown_of,
     unknown_parameter,
 )
@@ -341,7 +342,7 @@ def check_parameters(plan: Plan, names: Mapping[str, frozenset[str] | None]) -> 
             shared = [name for name in section.values if name.split(".")[0] in SHARED]
             if section.node in CLASSES and shared:
                 raise LaunchError(
-                    f"{section.name}: {shared[0]}: belongs under /**, since "
+                    f"{section.line(shared[0])}: {shared[0]}: belongs under /**, since "
                     "several nodes must agree on it"
                 )
 
@@ -376,13 +377,7 @@ def naming_its_file(action: NodeAction):
             f"{action.file}: node {action.full_name}: {error}: check remap"
         ) from error
     except ValueError as error:
-        names = error.parameters if isinstance(error, ParameterError) else ()
-        files = [
-            p.source
-            for p in action.given()
-            if p.source and any(f"{p.name}.".startswith(f"{name}.") for name in names)
-        ]
-        files += [action.full_name] if action.namespace and not files else []  # of which skin
-        if not files:
+        where = sources_of(action.given(), error) or (action.full_name if action.namespace else "")
+        if not where:
             raise
-        raise LaunchError(f"{', '.join(dict.fromkeys(files))}: {error}") from error
+        raise LaunchError(f"{where}: {error}") from error  # of which skin, if no file says it
