@@ -36,7 +36,6 @@ from .middleware.plan import (
     check_parameters,
     make_node,
     naming_its_file,
-    parameters_of,
     user_node,
 )
 from .middleware.processes import end_commands, start_command
@@ -136,9 +135,7 @@ class Skin(Listening):
             self._processes.append(start_command(command))
         self.build()
         for recorder in self._of_kind(RECORDER, self._nodes):
-            from .recording import configuration
-
-            recorder.begin(configuration.attachments(parameters_of(self._handles)))
+            recorder.begin()
         PACE.enter()
         self._settings.callback(PACE.leave)
         for handle in (*self._handles, self.node):

@@ -310,13 +310,12 @@ def by_thread(nodes: list[NodeAction], handles: list[Node]) -> list[list[Node]]:
     ]
 
 
-def parameters_of(handles: list[Node]) -> dict[str, dict]:
-    """Return the full name of each node -> {parameter: value}."""
+def parameters_of(context: Context, space: str = "/") -> dict[str, dict]:
+    """Return the full name of each node in a namespace -> {parameter: value}, if it has any."""
     return {
-        handle.get_fully_qualified_name(): {
-            name: handle.get_parameter(name).value for name in handle.parameter_names()
-        }
-        for handle in handles
+        node: {name: handle.get_parameter(name).value for name in handle.parameter_names()}
+        for node, handle in dict(context.nodes).items()
+        if node.startswith(space) and handle.parameter_names()
     }
 
 

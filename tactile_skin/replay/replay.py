@@ -240,7 +240,7 @@ class Driven:
     @property
     def parameters(self) -> dict[str, dict]:
         """Full name of each node -> {parameter: value}."""
-        return parameters_of(self._skin._handles)
+        return parameters_of(self.observer.context)
 
     @property
     def errors(self) -> int:

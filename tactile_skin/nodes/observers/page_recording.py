@@ -67,8 +67,7 @@ class PageRecording:
 
     def parameters(self) -> dict[str, dict]:
         """Return the full name of each node of the skin -> {parameter: value}."""
-        nodes = dict(self.node.context.nodes).items()
-        return parameters_of([node for name, node in nodes if name.startswith(self._here)])
+        return parameters_of(self.node.context, self._here)
 
     def _take(self, topic: str, message) -> None:
         if (recorder := self._recorder) is not None:
