@@ -341,63 +341,28 @@ def launched_model(board: Board, name: str) -> None:
 
 BOARD = "reads a board, by a parameter file"
 OF_ROS = "tests/test_ros_*.py: ROS's own reader, with rclpy"
-CELLS: dict[tuple, dict] = {  # what is written -> reader -> how it reads, or why there is nothing
-    tuple(FILES.items()): {
-        "launch": launched,
-        "replay": replayed_by,
-        "doctor": doctored_live,
-        "calibrate": calibrated_again,
-        "view": drawn,
-        "Python": read,
-        "open": opened,
-        "ROS": OF_ROS,
-    },
-    tuple(RECORDINGS.items()): {
-        "launch": BOARD,
-        "replay": replayed,
-        "doctor": doctored,
-        "calibrate": calibrated_from,
-        "view": shown,
-        "Python": read_recording,
-        "open": BOARD,
-        "ROS": "ros2 bag plays any MCAP",
-    },
-    tuple(EXPORTS.items()): {
-        "launch": BOARD,
-        "replay": replayed_frames,
-        "doctor": doctored,
-        "calibrate": calibrated_from,
-        "view": "takes recordings: replay --out makes one",
-        "Python": read_export,
-        "open": BOARD,
-        "ROS": "for programs that know nothing of ROS",
-    },
-    tuple(NETWORK.items()): {
-        "launch": launched_network,
-        "replay": replayed_network,
-        "Python": read_network,
-    }
-    | dict.fromkeys(("doctor", "calibrate", "view", "open"), "solves by `auto` or `map`")
-    | {"ROS": OF_ROS},
-    tuple(MODEL.items()): {"launch": launched_model}
-    | dict.fromkeys(READERS[1:-1], "names no gestures")
-    | {"ROS": OF_ROS},
-}
-
-
+AUTO, NONE = "solves by `auto` or `map`", "names no gestures"
+PLAYS, OTHERS = "ros2 bag plays any MCAP", "is of programs that know nothing of ROS"
+MADE = "replay --out makes a recording of it"
+CELLS = [  # what is written; of each of READERS, how it reads that, or why there is nothing to read
+    (FILES, launched, replayed_by, doctored_live, calibrated_again, drawn, read, opened, OF_ROS),
+    (RECORDINGS, BOARD, replayed, doctored, calibrated_from, shown, read_recording, BOARD, PLAYS),
+    (EXPORTS, BOARD, replayed_frames, doctored, calibrated_from, MADE, read_export, BOARD, OTHERS),
+    (NETWORK, launched_network, replayed_network, AUTO, AUTO, AUTO, read_network, AUTO, OF_ROS),
+    (MODEL, launched_model, NONE, NONE, NONE, NONE, NONE, NONE, OF_ROS),
+]
 CORE = "detect", "calibrate on the page", "record on the page", "export .npz"  # of one board
 
 
 def cells():
     """Of networks and models a board whose size is not that of the shipped ones."""
-    for written, readers in CELLS.items():
-        alone = written in (tuple(NETWORK.items()), tuple(MODEL.items()))
-        for (writer, name), reader in itertools.product(written, READERS):
-            for board in ("text 8x8",) if alone else BOARDS:
-                if callable(how := readers[reader]):
-                    core = board == "text 8x8" and writer in CORE
-                    marks = () if core else pytest.mark.ci
-                    what = f"{writer} to {reader}, {board}"
+    for written, *readers in CELLS:
+        cells = itertools.product(written.items(), zip(READERS, readers, strict=True))
+        for (writer, name), (reader, how) in cells:
+            for board in ("text 8x8",) if written in (NETWORK, MODEL) else BOARDS:
+                core = board == "text 8x8" and writer in CORE
+                what, marks = f"{writer} to {reader}, {board}", () if core else pytest.mark.ci
+                if callable(how):
                     yield pytest.param(board, name, how, id=what, marks=marks)
 
 
