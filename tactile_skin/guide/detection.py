@@ -127,9 +127,9 @@ def _answers(seen: Seen, answers: dict, ask: Ask) -> dict:
     """Return what no byte shows: readout, resistor and scale, as given or typed."""
     if "readout" not in answers:
         about = (
-            f"wiring: {', '.join(READOUTS)}; with -columns behind if the columns are driven, "
-            "-pullup if readings fall, -diodes if each driven line has one, -esp32 if the ADC is "
-            "an ESP32's [floating]: "
+            f"wiring: {', '.join(READOUTS)}; with -columns behind if the columns, the inner loop "
+            "of its sketch, are driven, -pullup if readings fall, -diodes if each driven line has "
+            "one, -esp32 if the ADC is an ESP32's [floating]: "
         )
         answers = ask(about, _wiring) | answers
     if "r_ref" not in answers:
