@@ -9,7 +9,6 @@ import platform
 import time
 from importlib.metadata import version
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -27,23 +26,15 @@ _RATE = 100.0  # frames a second
 _DENSE = np.random.default_rng(0).standard_normal((257, 258))
 
 
-class Skin(NamedTuple):
-    """What is measured: circuit and curve; `forces`, (n, rows, cols) [N], of its own recording."""
-
-    circuit: Circuit = Circuit()
-    curve: PressureCurve = PressureCurve()
-    forces: np.ndarray | None = None
+Skin = tuple[Circuit, PressureCurve, np.ndarray | None]  # forces of a recording [N], or None
 
 
-PAPERS = Skin()
-
-
-def usable(skin: Skin) -> list[str]:
+def usable(circuit: Circuit, curve: PressureCurve) -> list[str]:
     """Return the methods that a skin can be solved by: networks know what they are trained for."""
     found = []
     for method in METHODS:
         with contextlib.suppress(ValueError):
-            compensate(np.full(skin.circuit.shape, 0.05), skin.circuit, skin.curve, method)
+            compensate(np.full(circuit.shape, 0.05), circuit, curve, method)
             found.append(method)
     return found
 

@@ -78,17 +78,14 @@ def measure(
 
 
 def measure_own(n: int, seed: int, track, skin: Skin) -> dict:
-    """All methods that know a skin, on bodies and, if there are, on touches of its recording.
-
-    Their truth is what `map` feels, read again with the noise of a board.
-    """
+    """All methods that know a skin, on bodies and on what `map` feels in its recording, if any."""
     (circuit, curve, forces), rng, panels = skin, np.random.default_rng(seed), {}
     cases = {"your circuit, simulated bodies": frames(TOUCHES, "scan", n, rng, circuit, curve)}
     if forces is not None:
         adc = scenes.read_out(circuit, forward(circuit, curve.resistance(forces)), "scan", rng)
         cases["your circuit, touches of your recording"] = forces, adc
     for title, given in track(cases.items()):
-        runs = timed_on(usable(skin), *given, "scan", circuit, curve)
+        runs = timed_on(usable(circuit, curve), *given, "scan", circuit, curve)
         panels[title] = [point(m, clock, {TOUCHES: found}) for m, clock, found in runs]
     return {"speed": {"frames": n, "panels": panels}}
 

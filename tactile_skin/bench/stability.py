@@ -32,7 +32,7 @@ from ..simulation import scenes
 from ..simulation.textile import Sample
 from ..solvers import compensate
 from ..solvers.reading import ROUNDING_NOISE
-from .measure import GHOST, PAPERS, Skin, usable
+from .measure import GHOST, Skin, usable
 from .troubles import TROUBLES, Trouble
 
 FAILS = 30.0  # g a cell
@@ -41,16 +41,14 @@ SILENT = 0.02  # share of the frames beyond which silent failures are listed
 METHOD = "auto"  # that a robot uses
 _RATE = 100.0  # frames a second
 _AT_REST = 125  # frames without a touch that a running skin has seen
+_PAPERS = Circuit(), PressureCurve(), None
 _COMPARED = 5  # frames of each board that all methods are compared by
 
 
 def measure(
-    n: int, boards: int, seed: int, track=lambda of: of, *, learnt: int = 30, skin: Skin = PAPERS
+    n: int, boards: int, seed: int, track=lambda of: of, *, learnt: int = 30, skin: Skin = _PAPERS
 ) -> dict:
-    """n frames of each strength of each trouble, on so many boards: the same ones throughout.
-
-    They are of a skin's circuit and curve, and a running skin has seen so many touches.
-    """
+    """n frames of each strength of each trouble, on so many boards of a skin, the same for all."""
     tasks = [
         (t, k, b)
         for t, trouble in enumerate(TROUBLES)
@@ -59,7 +57,7 @@ def measure(
     ]
     spawn = multiprocessing.get_context("spawn")
     with concurrent.futures.ProcessPoolExecutor(os.cpu_count(), spawn) as pool:
-        given = max(n // boards, 1), seed, learnt, *skin[:2], (methods := usable(skin))
+        given = max(n // boards, 1), seed, learnt, *skin[:2], (methods := usable(*skin[:2]))
         running = [pool.submit(_task, *task, *given) for task in tasks]
         results = dict(zip(tasks, (one.result() for one in track(running)), strict=True))
     troubled = [t for t in tasks if TROUBLES[t[0]].strengths[t[1]] != TROUBLES[t[0]].sound]
@@ -100,9 +98,7 @@ class Outcome(NamedTuple):
     reported: np.ndarray
 
 
-def _on_board(
-    trouble: Trouble, strength: float, n: int, seed, learnt: int, circuit, curve, methods
-) -> tuple[Outcome, dict]:
+def _on_board(trouble: Trouble, strength, n: int, seed, learnt: int, circuit, curve, methods):
     """n frames on a running skin, and those of all methods that each judges alone."""
     rng = np.random.default_rng([*seed, 1])
     if bits := trouble.bits(strength):

@@ -56,12 +56,7 @@ def candidates(serial_number: str = "") -> list[str]:
 def devices(port: str, serial_number: str = "") -> list[str]:
     """Return what the port of a `SerialReader` stands for now, links followed; none: not there."""
     names = candidates(serial_number) if port == "auto" else [port]
-    return [absolute(name, os.path.realpath) for name in names]
-
-
-def absolute(port: str, path: Callable[[str], str] = os.path.abspath) -> str:
-    """Return a port as any folder knows it; a URL stays."""
-    return port if "://" in port or not port else path(port)
+    return [name if "://" in name else os.path.realpath(name) for name in names]
 
 
 def nothing_found(serial_number: str = "") -> str:
@@ -79,9 +74,8 @@ def identity(device: str) -> tuple:
     These are its USB ids, and its serial number or, where it has none, its USB socket; the
     device's name where it is not on USB.
     """
-    device = absolute(device, os.path.realpath)
     for port in list_ports.comports():
-        if port.device == device and port.vid is not None:
+        if port.device == os.path.realpath(device) and port.vid is not None:
             return port.vid, port.pid, port.serial_number or port.location
     return (device,)
 

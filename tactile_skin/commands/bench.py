@@ -10,17 +10,14 @@ from ..arguments import check_folder, split
 EXAMPLES = (
     "Each picture NAME.png stands beside NAME.json, which holds the numbers drawn.\n"
     "parts: speed, stability; both take ten minutes, with --quick one. Times are best read on an\n"
-    "idle machine. With config:=, and a recording or frames of it, they are of your own circuit,\n"
-    "curve and touches.\n"
+    "idle machine. With config:=FILE, and a file of frames, they are of your circuit and touches.\n"
     "examples:\n  tactile-skin bench --quick\n  tactile-skin bench speed --out figures\n"
     "  tactile-skin bench --quick config:=mine.yaml touches.mcap"
 )
 
 
 def register(parser) -> None:
-    parser.add_argument(
-        "words", nargs="*", metavar="PART | FILE | NAME:=VALUE", help="what to measure, and of whom"
-    )
+    parser.add_argument("words", nargs="*", metavar="PART | FILE | config:=FILE", help="see above")
     parser.add_argument("--quick", action="store_true", help="few frames, for a look")
     parser.add_argument("--seed", type=int, default=1, help="of scenes and noise (default 1)")
     parser.add_argument(
@@ -61,13 +58,12 @@ def run(args) -> int:
 
 def _own(path: str, given: dict, n: int) -> dict:
     """Return the argument that has a user's own skin measured, with what `map` feels in a file."""
-    from ..bench.measure import Skin, forces_of
+    from ..bench.measure import forces_of
     from ..middleware.config import part_of
     from ..recording.frames import read_frames, recorded_skin
 
-    found = recorded_skin(path, given.get("config"))
-    skin = Skin(found.circuit, found.curve)
-    if path:
-        frames = read_frames(path, found.circuit, part=part_of(found.board)).ratio(found.adc)
-        skin = skin._replace(forces=forces_of(frames, n, *skin[:2]))
-    return {"skin": skin}
+    skin = recorded_skin(path, given.get("config"))
+    if not path:
+        return {"skin": (*skin[:2], None)}
+    frames = read_frames(path, skin.circuit, part=part_of(skin.board)).ratio(skin.adc)
+    return {"skin": (*skin[:2], forces_of(frames, n, *skin[:2]))}

@@ -4,13 +4,14 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 from collections.abc import Callable
 from typing import Any
 
 from ..board.recognise.columns import sides
 from ..board.recognise.listen import Heard
 from ..board.recognise.seen import Seen, shown
-from ..board.serial_port import absolute, identity
+from ..board.serial_port import identity
 from ..calibration.tracker import PIN
 from ..health.doctor.advice import WIDTHS
 from ..middleware.config import skin_of
@@ -80,7 +81,8 @@ def conclude(
     circuit = _circuit(seen, answers)
     say(f"{rows} x {cols} cells at {circuit['adc_bits']} bits, {answers['readout']}")
     # port: auto finds a USB board again on any socket, and no other
-    where = {"serial_number": board[-1]} if board else {"port": absolute(port)} if port else {}
+    at = port if "://" in port or not port else os.path.abspath(port)
+    where = {"serial_number": board[-1]} if board else {"port": at} if at else {}
     return _text(found, answers, circuit, where)
 
 

@@ -55,8 +55,7 @@ class Section:
 
     def line(self, name: str, where: str = "") -> str:
         """Return where a parameter stands: the section, or what is given for it, and the line."""
-        where = where or self.name
-        return f"{where}: line {self.lines[name]}" if name in self.lines else where
+        return (where or self.name) + (f": line {self.lines[name]}" if name in self.lines else "")
 
     def concerns(self, full_name: str) -> bool:
         """Whether it is for the node of this full name."""
@@ -201,10 +200,8 @@ class ParameterFile:
         for section in self.sections:
             if any(section.concerns(name) for name in nodes):
                 source = "" if section.of_skin else str(self.path)
-                found |= {
-                    k: Parameter(k, value, section.line(k, source))
-                    for k, value in section.values.items()
-                }
+                for k, value in section.values.items():
+                    found[k] = Parameter(k, value, section.line(k, source))
         return list(found.values())
 
     def check(

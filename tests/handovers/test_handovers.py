@@ -307,7 +307,7 @@ def launched_network(board: Board, name: str) -> None:
     with driven(trained(name)) as running:
         feed(running, board.frames())
         assert running.nodes["compensation"].skin.taken["physics"] > RATE and not running.errors
-        attached = configuration.attachments(running.parameters)
+        attached = configuration.attachments(parameters_of(running.observer.context))
     assert attached[name] == Path(name).read_bytes()
 
 
