@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Replay recorded frames through the solver, each started from the last: faster than real time.
 
-The file holds an array (n, rows, cols) of readings as ratios of full scale: record_frames.py.
+The file is any that tactile-skin replay takes: .mcap, or the frames of record_frames.py.
 
     python examples/replay_frames.py frames.npy [mine.yaml]
 """
@@ -12,20 +12,20 @@ import time
 import numpy as np
 
 from tactile_skin import compensate
-from tactile_skin.launch import read_skin
+from tactile_skin.middleware.config import part_of
+from tactile_skin.recording.frames import read_frames, recorded_skin
 
-frames = np.load(sys.argv[1])  # (n, rows, cols)
-circuit, curve, _ = read_skin(*sys.argv[2:])  # without a file: of the shipped configuration
-if frames.shape[1:] != circuit.shape or not (0.0 <= frames.min() <= frames.max() <= 1.0):
-    sys.exit(
-        f"{sys.argv[1]}: {frames.shape} numbers from {frames.min():g} to {frames.max():g}: must be "
-        f"(n, {circuit.rows}, {circuit.cols}) ratios from 0 to 1; another skin: give its file"
-    )
+path = sys.argv[1]
+try:
+    skin = recorded_skin(*sys.argv[1:])  # without a parameter file: as recorded, or the shipped one
+    frames = read_frames(path, skin.circuit, part=part_of(skin.board)).ratio(skin.adc)
+except (ValueError, OSError) as error:
+    sys.exit(str(error))
 
 estimate, sums, times, doubted = None, [], [], 0
-for adc in frames:
+for adc in frames:  # (rows, cols) ratios; NaN: a crossing that was not read
     start = time.perf_counter()
-    estimate = compensate(adc, circuit, curve, start=estimate)
+    estimate = compensate(adc, skin.circuit, skin.curve, start=estimate, missing=True)
     times.append(time.perf_counter() - start)
     sums.append(estimate.force.sum())
     doubted += estimate.status != "ok"

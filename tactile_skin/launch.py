@@ -36,7 +36,6 @@ from .middleware.plan import (
     check_parameters,
     make_node,
     naming_its_file,
-    parameters_of,
     user_node,
 )
 from .middleware.signals import SIGNALS, unwinding
@@ -137,9 +136,7 @@ class Skin(Listening):
             self._processes.append(started)
         self.build()
         for recorder in self._of_kind(RECORDER, self._nodes):
-            from .recording import configuration
-
-            recorder.begin(configuration.attachments(parameters_of(self._handles)))
+            recorder.begin()
         PACE.enter()
         self._settings.callback(PACE.leave)
         for handle in (*self._handles, self.node):

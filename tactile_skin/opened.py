@@ -28,7 +28,7 @@ from .errors import FileError
 from .middleware.bus import Context, Node
 from .middleware.config import adc_of, circuit_of, declared, geometry_of, part_of
 from .middleware.package import COMPOSED, SKIN_NODES
-from .middleware.parameter_file import ParameterFile
+from .middleware.parameter_file import ParameterFile, sources_of
 from .nodes.compensation import skin_of
 from .parameters import nodes as parameters
 from .physics.proof import SIMULATED, Proof
@@ -185,7 +185,8 @@ class Opened:
         self._touched = bool(contacts)
         most = sum(max(c.bound, c.force) for c in contacts)
         peak = max((max(c.peak, c.peak_bound) for c in contacts), default=0.0)
-        self._policy.reading(t, most, peak, stamp, sum(c.force for c in contacts))
+        felt = sum(c.force for c in contacts), max((c.peak for c in contacts), default=0.0)
+        self._policy.reading(t, most, peak, stamp, *felt)
         return force
 
     def _judge(self) -> None:
@@ -210,4 +211,8 @@ def _given(file: ParameterFile | None, name: str) -> Any:
     given = file.overrides(f"/{name}", f"/{COMPOSED}") if file else []
     given = [p for p in given if p.name in parameters.all_names(name)]  # `skin` has others' as well
     node = Node(name, context=Context(), parameter_overrides=given)
-    return declared(node, parameters.SECTIONS[name])
+    try:
+        return declared(node, parameters.SECTIONS[name])
+    except ValueError as error:
+        where = sources_of(given, error)
+        raise type(error)(f"{where}: {error}" if where else str(error)) from error

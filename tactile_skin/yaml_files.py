@@ -52,7 +52,19 @@ def parse_yaml(text: str, where):
         raise FileError(f"{where}: not valid YAML: {' '.join(str(error).split())}") from error
 
 
+class Map(dict):
+    """A map of a file; `lines`: key -> its line, but of what is merged into it."""
+
+    lines: dict[str, int]
+
+
 class _Loader(yaml.SafeLoader):
+    def construct_yaml_map(self, node):
+        data = Map()
+        data.lines = node.lines
+        yield data
+        data.update(self.construct_mapping(node))
+
     def construct_document(self, node):
         return self.construct_object(node, deep=True)  # refuses what holds itself
 
@@ -69,6 +81,7 @@ class _Loader(yaml.SafeLoader):
             if problem:
                 raise yaml.MarkedYAMLError(problem=problem, problem_mark=key.start_mark)
             lines[key.value] = key.start_mark.line + 1
+        node.lines = lines
         return node
 
 
@@ -76,6 +89,8 @@ class _Dumper(yaml.SafeDumper):
     """Puts quotes around a text that reads as a number."""
 
 
+_Loader.add_constructor("tag:yaml.org,2002:map", _Loader.construct_yaml_map)
+_Dumper.add_representer(Map, _Dumper.represent_dict)
 for _class in (_Loader, _Dumper):
     _class.add_implicit_resolver(
         "tag:yaml.org,2002:float",

@@ -71,6 +71,7 @@ WRONG = {  # what is wrong -> (arguments of skin.launch.yaml, what the message m
     "misspelt": ({"prot": "a"}, ["argument 'prot' is unknown; did you mean 'port'"]),
     "no truth": ({"view": "maybe"}, ["view = 'maybe': must be true or false"]),
     "namespace of blanks": ({"namespace": "a b"}, ["namespace = 'a b': must be names between"]),
+    "no number": ({"duration": "abc"}, ["duration = 'abc': must be a number"]),
     "no YAML": ({"method": "[x"}, ["method = '[x'", "not valid YAML"]),
 }
 

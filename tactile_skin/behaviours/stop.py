@@ -209,7 +209,8 @@ class StopPolicy(Stop):
         self._olds = 0  # those of them that were old when they came
         self._newest = -math.inf  # stamp of the newest reading
         self._old_at = -math.inf  # when the last one came that was too old, or no news
-        self._force = self._peak = self._felt = 0.0  # of the newest reading
+        self._force = self._peak = 0.0  # of the newest reading
+        self._felt = 0.0, 0.0  # force and peak, as they are felt
         self._in_time = 0  # readings in a row of which none was late
         self._late = -math.inf  # stamp of the last one that was
         self._above_since: float | None = None
@@ -239,13 +240,14 @@ class StopPolicy(Stop):
         peak: float = 0.0,
         stamp: float | None = None,
         felt: float | None = None,
+        felt_peak: float | None = None,
     ) -> Decision:
         """Take a reading that arrived at t.
 
         Args:
             force: total contact force, the most that it may be [N].
             peak: largest force on one cell, the most that it may be [N].
-            felt: total contact force as it is felt [N]; None: `force`.
+            felt: total contact force as it is felt [N]; None: `force`. felt_peak: of `peak`.
             stamp: when it was taken, t by default. One that is no newer than the last, or lies
                 ahead of t, proves nothing, and so does not keep the robot moving.
         """
@@ -278,7 +280,7 @@ class StopPolicy(Stop):
         share = 0.0 if late else min(1.0, config.lead / gap)
         ahead = force + share * max(0.0, force - self._force)
         self._newest, self._force, self._peak = stamp, force, peak
-        self._felt = force if felt is None else felt
+        self._felt = force if felt is None else felt, peak if felt_peak is None else felt_peak
         self._pressing.take(stamp, force)
         self._pressing_peak.take(stamp, peak)
         if self._steady:
@@ -310,16 +312,12 @@ class StopPolicy(Stop):
     def _hold(self, stamp: float) -> None:
         """Begin a push, or go on with it: a reading of this time is above a limit."""
         if self._held_until is None or self._words == _FADED:
-            limits, felt = self.config, self._felt
-            told = f"{felt:.0f} N"
-            if self._force >= 1.05 * felt + 0.5:
-                why = f": {self.unknown}" if self.unknown else ""
-                told += f" (may be {self._force:.0f} N{why})"
-            limit = f"limit {limits.threshold:g} N"
-            if self._force < limits.threshold and self._peak >= limits.peak:
-                told = f"up to {self._peak:.0f} N on one cell"
-                limit = f"limit {limits.peak:g} N"
-            self._words = f"{told}, {limit}"
+            felt, most, limit, where = self._felt[0], self._force, self.config.threshold, ""
+            if most < limit and self._peak >= self.config.peak:
+                felt, most, limit = self._felt[1], self._peak, self.config.peak
+                where = " on one cell"
+            more = may_be(felt, most, self.unknown)
+            self._words = f"{felt:.0f} N{where}{more}, limit {limit:g} N"
         self._held_until, self._above = stamp + self.config.hold, stamp
 
     def fault(self, source: str, message: str, waiting: bool = False) -> None:
@@ -385,6 +383,12 @@ class StopPolicy(Stop):
             return RESUMED
         here = 0.0 <= t - self._old_at <= self.stale_after
         return f"readings {'are already old when they arrive' if here else 'no longer arrive'}"
+
+
+def may_be(felt: float, most: float, why: str = "") -> str:
+    """Return that a force may be more than is felt [N], in words; empty: it is not."""
+    said = f" (may be {most:.0f} N{': ' * bool(why)}{why})"
+    return said if most >= 1.05 * felt + 0.5 else ""
 
 
 def _joined(reasons: list[Reason]) -> str:

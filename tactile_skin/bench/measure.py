@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import platform
 import time
@@ -15,6 +16,7 @@ from ..physics.circuit import Circuit, forward
 from ..physics.compiled import implementation
 from ..physics.curve import GRAM, PressureCurve
 from ..simulation import scenes
+from ..solvers import METHODS, compensate
 from ..solvers.reading import ROUNDING_NOISE, SCAN_NOISE
 from ..touch.geometry import PITCH
 
@@ -22,6 +24,25 @@ GHOST = 20.0  # g on a cell that nothing touches
 _SPEED = 0.3  # m/s of a touch that wanders
 _RATE = 100.0  # frames a second
 _DENSE = np.random.default_rng(0).standard_normal((257, 258))
+
+
+Skin = tuple[Circuit, PressureCurve, np.ndarray | None]  # forces of a recording [N], or None
+
+
+def usable(circuit: Circuit, curve: PressureCurve) -> list[str]:
+    """Return the methods that a skin can be solved by: networks know what they are trained for."""
+    found = []
+    for method in METHODS:
+        with contextlib.suppress(ValueError):
+            compensate(np.full(circuit.shape, 0.05), circuit, curve, method)
+            found.append(method)
+    return found
+
+
+def forces_of(frames: np.ndarray, n: int, circuit: Circuit, curve: PressureCurve) -> np.ndarray:
+    """Return what `map` feels in n of the hardest of (frames, rows, cols) ADC ratio [N]."""
+    hardest = np.argsort(-np.nansum(frames, (1, 2)))[: 4 * n : 4]
+    return compensate(frames[hardest], circuit, curve, "map", missing=True).force
 
 
 class Clock:

@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..physics.circuit import Circuit
+from ..physics.circuit import Circuit, forward
 from ..physics.curve import PressureCurve
 from ..physics.readouts import PASSIVE
 from ..simulation import scenes
 from ..solvers import METHODS, compensate
 from . import chart
-from .measure import NOISE, Clock, day, errors, frames
+from .measure import NOISE, Clock, Skin, day, errors, frames, usable
 
 TOUCHES = "bodies"  # the family whose times and errors a point shows: no solver was made for it
 FAMILIES = (*scenes.FAMILIES, "bodies", "pictures")
@@ -29,14 +29,20 @@ USES = {  # what to take when, in lines; the first is for a robot
 }
 
 
-def measure(n: int, day_frames: int, seed: int, track=lambda items: items) -> dict:
+def measure(
+    n: int, day_frames: int, seed: int, track=lambda items: items, *, skin: Skin | None = None
+) -> dict:
     """All methods on n fresh frames of each family and readout, and `auto` on a day's stream.
+
+    With a skin: as `measure_own`.
 
     Returns:
         the figure "speed" as plain data: for each readout a list of points {method, p50_ms,
         p99_ms, p50_y, p99_y, mean_g, families}, times and mean_g of bodies; `wirings`, the same
         of noisy boards wired otherwise than the paper's, of the same bodies; `day`.
     """
+    if skin is not None:
+        return measure_own(n, seed, track, skin)
     circuit, curve = Circuit(), PressureCurve()
     clocks, families = {}, {(r, m): {} for r in scenes.READOUTS for m in METHODS}
     cases = [(r, f) for r in scenes.READOUTS for f in FAMILIES]
@@ -71,10 +77,28 @@ def measure(n: int, day_frames: int, seed: int, track=lambda items: items) -> di
     }
 
 
+def measure_own(n: int, seed: int, track, skin: Skin) -> dict:
+    """All methods that know a skin, on bodies and on what `map` feels in its recording, if any."""
+    (circuit, curve, forces), rng, panels = skin, np.random.default_rng(seed), {}
+    cases = {"your circuit, simulated bodies": frames(TOUCHES, "scan", n, rng, circuit, curve)}
+    if forces is not None:
+        adc = scenes.read_out(circuit, forward(circuit, curve.resistance(forces)), "scan", rng)
+        cases["your circuit, touches of your recording"] = forces, adc
+    for title, given in track(cases.items()):
+        runs = timed_on(usable(circuit, curve), *given, "scan", circuit, curve)
+        panels[title] = [point(m, clock, {TOUCHES: found}) for m, clock, found in runs]
+    return {"speed": {"frames": n, "panels": panels}}
+
+
 def timed(methods, family: str, readout: str, n: int, scene, circuit: Circuit, curve):
     """Each method on the same n frames of a seed: its name, its clock, its `errors` and times."""
-    rng, noise = np.random.default_rng(scene), NOISE[readout]
-    force, adc = frames(family, readout, n, rng, circuit, curve)
+    given = frames(family, readout, n, np.random.default_rng(scene), circuit, curve)
+    return timed_on(methods, *given, readout, circuit, curve)
+
+
+def timed_on(methods, force, adc, readout: str, circuit: Circuit, curve: PressureCurve):
+    """Yield the same on frames (n, rows, cols) whose forces [N] are known."""
+    noise = NOISE[readout]
     for method in methods:
         compensate(adc[0], circuit, curve, method, noise=noise)  # loads what is loaded once
         clock = Clock()
@@ -123,6 +147,11 @@ def stream(n: int, rng, circuit: Circuit, curve: PressureCurve) -> dict:
 
 def choice(data: dict) -> list[str]:
     """Return a Markdown table of a run: what to take, `scan` readings."""
+    if "panels" in data:
+        heads = "| of | method | error [g a cell] | p50 [ms] | p99 [ms] |", "|---|---|---|---|---|"
+        own = [(title, p) for title, points in data["panels"].items() for p in points]
+        row = "| {} | `{method}` | {mean_g:.1f} | {p50_ms:.1f} | {p99_ms:.1f} |".format
+        return [*heads, *(row(title, **p) for title, p in own)]
     noisy, exact = ({p["method"]: p for p in data["readouts"][r]} for r in ("scan", "ideal"))
     rows = []
     day = f". Over a simulated day a frame takes {data['day']['mean_ms']:.1f} ms on average"
@@ -164,13 +193,17 @@ def draw(data: dict):
     """Each method's error on bodies against its time, p50 to p99: a panel for each readout."""
     from matplotlib import pyplot as plt
 
-    figure, axes = plt.subplots(2, 2, figsize=(9.0, 8.2), layout="constrained")
-    shown = [p["mean_g"] for key, name in list(_PANELS)[:3] for p in data[key][name]]
-    last = max(p["p99_ms"] for key, name in _PANELS for p in data[key][name])
-    for axis, ((key, name), title) in zip(axes.flat, _PANELS.items(), strict=True):
-        points = sorted(data[key][name], key=lambda p: (p["mean_g"], p["p99_ms"]))
+    panels = data.get("panels") or {title: data[k][name] for (k, name), title in _PANELS.items()}
+    high, wide = -(-len(panels) // 2), min(len(panels), 2)  # one, two or four
+    figure, axes = plt.subplots(
+        high, wide, figsize=(4.5 * wide, 4.1 * high), layout="constrained", squeeze=False
+    )
+    shown = [p["mean_g"] for points in list(panels.values())[:3] for p in points]
+    last = max(p["p99_ms"] for points in panels.values() for p in points)
+    for axis, (title, points) in zip(axes.flat, panels.items(), strict=True):
+        points.sort(key=lambda p: (p["mean_g"], p["p99_ms"]))
         error = {p["method"]: max(p["mean_g"], _FLOOR) for p in points}
-        ends = error.values() if name == "ideal" else shown
+        ends = error.values() if title == _PANELS["readouts", "ideal"] else shown
         axis.set(xscale="log", yscale="log", xlim=(0.03, 1.2 * max(last, _FRAME_MS)))
         axis.axvline(_FRAME_MS, color="black", linewidth=0.8, linestyle=(0, (2, 3)))
         axis.set_ylim(0.75 * min(ends), 1.4 * max(ends))

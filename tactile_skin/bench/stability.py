@@ -17,6 +17,7 @@ import concurrent.futures
 import multiprocessing
 import os
 import textwrap
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -29,9 +30,9 @@ from ..physics.circuit import Circuit
 from ..physics.curve import GRAM, PressureCurve
 from ..simulation import scenes
 from ..simulation.textile import Sample
-from ..solvers import METHODS, compensate
+from ..solvers import compensate
 from ..solvers.reading import ROUNDING_NOISE
-from .measure import GHOST
+from .measure import GHOST, Skin, usable
 from .troubles import TROUBLES, Trouble
 
 FAILS = 30.0  # g a cell
@@ -39,13 +40,15 @@ FAILS_SHARE = 0.2  # of the cells' load
 SILENT = 0.02  # share of the frames beyond which silent failures are listed
 METHOD = "auto"  # that a robot uses
 _RATE = 100.0  # frames a second
-_AT_REST = 125  # frames without a touch that a running skin has seen,
-_LEARNT = 30  # and of touches
+_AT_REST = 125  # frames without a touch that a running skin has seen
+_PAPERS = Circuit(), PressureCurve(), None
 _COMPARED = 5  # frames of each board that all methods are compared by
 
 
-def measure(n: int, boards: int, seed: int, track=lambda items: items) -> dict:
-    """n frames of each strength of each trouble, on so many boards: the same ones throughout."""
+def measure(
+    n: int, boards: int, seed: int, track=lambda of: of, *, learnt: int = 30, skin: Skin = _PAPERS
+) -> dict:
+    """n frames of each strength of each trouble, on so many boards of a skin, the same for all."""
     tasks = [
         (t, k, b)
         for t, trouble in enumerate(TROUBLES)
@@ -54,7 +57,8 @@ def measure(n: int, boards: int, seed: int, track=lambda items: items) -> dict:
     ]
     spawn = multiprocessing.get_context("spawn")
     with concurrent.futures.ProcessPoolExecutor(os.cpu_count(), spawn) as pool:
-        running = [pool.submit(_task, *task, max(n // boards, 1), seed) for task in tasks]
+        given = max(n // boards, 1), seed, learnt, *skin[:2], (methods := usable(*skin[:2]))
+        running = [pool.submit(_task, *task, *given) for task in tasks]
         results = dict(zip(tasks, (one.result() for one in track(running)), strict=True))
     troubled = [t for t in tasks if TROUBLES[t[0]].strengths[t[1]] != TROUBLES[t[0]].sound]
     return {
@@ -75,15 +79,15 @@ def measure(n: int, boards: int, seed: int, track=lambda items: items) -> dict:
             ],
             "methods": {
                 method: _shares([results[task][1][method] for task in troubled])
-                for method in METHODS
+                for method in methods
             },
         }
     }
 
 
-def _task(t: int, k: int, board: int, n: int, seed: int) -> tuple[Outcome, dict]:
+def _task(t: int, k: int, board: int, n: int, seed: int, *given) -> tuple[Outcome, dict]:
     with one_thread():
-        return _on_board(TROUBLES[t], TROUBLES[t].strengths[k], n, [seed, board])
+        return _on_board(TROUBLES[t], TROUBLES[t].strengths[k], n, [seed, board], *given)
 
 
 class Outcome(NamedTuple):
@@ -94,12 +98,13 @@ class Outcome(NamedTuple):
     reported: np.ndarray
 
 
-def _on_board(trouble: Trouble, strength: float, n: int, seed) -> tuple[Outcome, dict]:
+def _on_board(trouble: Trouble, strength, n: int, seed, learnt: int, circuit, curve, methods):
     """n frames on a running skin, and those of all methods that each judges alone."""
     rng = np.random.default_rng([*seed, 1])
-    circuit, curve = Circuit(adc_bits=trouble.bits(strength)), PressureCurve()
+    if bits := trouble.bits(strength):
+        circuit = replace(circuit, adc_bits=bits)
     board = Sample(trouble.textile(strength), circuit, curve, [*seed, 0])
-    touches = board.expose(scenes.sample("bodies", _LEARNT, *circuit.shape, rng))
+    touches = board.expose(scenes.sample("bodies", learnt, *circuit.shape, rng))
     force = trouble.scene(n, strength, circuit, rng)
     adc = board.sample(board.expose(force), rng)
     idle = board.at_rest(_AT_REST, rng)
@@ -109,7 +114,7 @@ def _on_board(trouble: Trouble, strength: float, n: int, seed) -> tuple[Outcome,
         running = running._replace(reported=np.full(n, True))
     compared = {
         method: judge(adc[:_COMPARED], force[:_COMPARED], circuit, curve, method)
-        for method in METHODS
+        for method in methods
     }
     return running, compared
 

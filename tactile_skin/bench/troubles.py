@@ -33,8 +33,8 @@ class Trouble:
     textile: Callable[[float], Textile] = lambda strength: UNEVEN
     # (n, strength, circuit, rng) -> (n, rows, cols) force [N]
     scene: Callable = lambda n, strength, circuit, rng: _bodies(n, circuit, rng)
-    # strength -> width of the ADC, which the solver knows
-    bits: Callable[[float], int] = lambda strength: 10
+    # strength -> width of the ADC, which the solver knows; None: the board's
+    bits: Callable[[float], int | None] = lambda strength: None
     sound: float | None = 0.0
     reason: str = ""  # why failures are silent, if they are
 

@@ -75,7 +75,7 @@ def identity(device: str) -> tuple:
     device's name where it is not on USB.
     """
     for port in list_ports.comports():
-        if port.device == device and port.vid is not None:
+        if port.device == os.path.realpath(device) and port.vid is not None:
             return port.vid, port.pid, port.serial_number or port.location
     return (device,)
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import shlex
 import shutil
 import sys
 import tempfile
@@ -124,12 +125,13 @@ def run(args) -> int:
         print(f"{_NAME}: no curve was found: {out} is not written", file=sys.stderr)
         return 1
     write(out, config, guide, skin)
-    port = f"port:={given['port']} " if "port" in given else ""
-    use = f"tactile-skin launch skin.launch.yaml {port}config:={out}"
+    port = [f"port:={given['port']}"] if "port" in given else []
+    use = shlex.join(["tactile-skin", "launch", "skin.launch.yaml", *port, f"config:={out}"])
     if no_curve:
         print(
             f"{_NAME}: no curve was found: {out} is written with {' and '.join(learnt)} only, its "
-            f"forces are those of the configured curve. Weigh again: --config {out}",
+            "forces are those of the configured curve. Weigh again: "
+            f"{shlex.join(['--config', str(out)])}",
             file=sys.stderr,
         )
     elif doubt := _doubt(guide.fitted) or guide.unfit:
@@ -231,7 +233,7 @@ def from_files(skin: SkinConfig, files: dict, loads: list[tuple[str, str]]) -> G
     if loads and "reference" in files:
         raise ValueError("reference:= takes the place of weights: give one of both")
     if loads:
-        answers += [*loads, ("", "")]
+        answers += [*loads, ("", ""), ("", "")]  # the end, and that it is meant
         guide.fit_curve()
     if "reference" in files:
         frames, times = source.stream(files.get("touches", ""))

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -90,9 +91,10 @@ def run(args) -> int:
         return 1
     out.write_text(text)
     print(f"{out} is written. See it live:")
-    port = given.get("port", "PORT")
-    print(f"  tactile-skin launch port:={port} config:={out}")
-    print(f"then: tactile-skin calibrate --config {out} --out {out} port:={port}")
+    port, file = f"port:={given.get('port', 'PORT')}", str(out)
+    print(" ", shlex.join(["tactile-skin", "launch", port, f"config:={file}"]))
+    calibrate = ["tactile-skin", "calibrate", "--config", file, "--out", file, port]
+    print("then:", shlex.join(calibrate))
     return 0
 
 

@@ -39,7 +39,8 @@ _USELESS = 0.5  # the same, from which on the shipped curve is as good
 # 0.05 and 0.09 at least of 19 in 20 that slide by half a cell and by one (seed 151000).
 MOST_MOVED = 0.08
 _GLANCE = 0.3  # s that a touch must stand
-_PERSISTS = 4  # glances in a row for which a press does not count before it is said why
+_PERSISTS = 4  # glances for which a press does not count before it is said why; or until it ends
+_LIGHT = "too light"
 PATIENCE = 20.0  # s without a new touch after which it asks whether to go on
 _COUNTED = 3  # s that are counted down before a measurement, in which hands leave the skin
 BACK = "b", "back"
@@ -186,19 +187,25 @@ class Guide:
 
     def presses(self) -> Iterator[None]:
         """Add one touch after the other, and say why one does not count, as long as they come."""
-        waited, why, times, said = 0.0, "", 0, ""  # s; why a press does not count, how often, said
+        waited, said, counted = 0.0, "", False  # s; of the press that is on: what was said of it
+        why: list[str] = []  # it does not count, by each glance since it began or was counted
         while waited < PATIENCE:
             touch, reason = self._new_touch()
             if touch is not None:
                 self.touches.append(touch)
-                waited, said = 0.0, ""
+                waited, said, counted, why = 0.0, "", True, []
                 yield
                 continue
             waited += _GLANCE
-            why, times = reason, times + 1 if reason == why else 1
-            if why and times >= _PERSISTS and said != why:
-                self.say(f"  does not count: {why}")
-                said = why
+            why += [reason] if reason else []
+            kind = why[-1].partition(",")[0] if why else ""
+            light = kind == _LIGHT  # as are, for a glance, noise and what a press leaves behind
+            enough = len(why) >= (_PERSISTS if reason else 1 + light)
+            if why and enough and kind != said and not (counted and (light or not reason)):
+                self.say(f"  does not count: {why[-1]}")
+                said = kind
+            if not reason:  # it has ended
+                said, counted, why = "", False, []
         self.say(f"  no new touch for {PATIENCE:.0f} s")
 
     def _check_readout(self, touches: list[np.ndarray]) -> None:
@@ -226,7 +233,7 @@ class Guide:
         if steps <= 0.5 * least:
             return None, ""
         if steps <= least:
-            return None, f"too light, {steps:.1f} of {least:.1f} ADC steps: press harder"
+            return None, f"{_LIGHT}, {steps:.1f} of {least:.1f} ADC steps: press harder"
         stands = stands_anew(frames[-1], frames[0], None, self._noise)
         if not stands and self.moved(frames) > MOST_MOVED:  # what creeps stands
             return None, "it moves: hold it still"
@@ -271,6 +278,11 @@ class Guide:
             word = self.ask(
                 f"  object {number}: its weight once it lies (500 g or 5 N; b: back, Enter: end) "
             )
+            if not word.strip() and len(weights) < LEAST_OBJECTS:
+                word = self.ask(
+                    f"  {len(weights)} of at least {LEAST_OBJECTS} objects: no curve is found. "
+                    "Enter: end all the same; or its weight: "
+                )
             if not word.strip():
                 break
             if word.strip() in BACK:

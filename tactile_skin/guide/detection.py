@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 from collections.abc import Callable
 from typing import Any
 
@@ -67,9 +68,9 @@ def conclude(
     if seen.text and hexadecimal is not None:
         found.read_as(hexadecimal)
         seen = found.seen
-    board = identity(given.get("port", ""))[1:]  # on USB
-    if board:
-        say(f"USB board {board[-1]} at {given['port']}")
+    port = given.get("port", "")
+    if board := identity(port)[1:]:  # on USB
+        say(f"USB board {board[-1]} at {port}")
     if shape and not found.fits(shape):
         raise ValueError(f"rows = {shape[0]}, cols = {shape[1]}: must be {_size(found.seen)}")
     rows, cols = shape or _cells(found, ask)
@@ -79,7 +80,10 @@ def conclude(
     answers = _answers(seen, given | {"rows": rows, "cols": cols}, ask)
     circuit = _circuit(seen, answers)
     say(f"{rows} x {cols} cells at {circuit['adc_bits']} bits, {answers['readout']}")
-    return _text(found, answers, circuit, board)
+    # port: auto finds a USB board again on any socket, and no other
+    at = port if "://" in port or not port else os.path.abspath(port)
+    where = {"serial_number": board[-1]} if board else {"port": at} if at else {}
+    return _text(found, answers, circuit, where)
 
 
 def _base(typed: str) -> bool | None:
@@ -125,9 +129,9 @@ def _answers(seen: Seen, answers: dict, ask: Ask) -> dict:
     """Return what no byte shows: readout, resistor and scale, as given or typed."""
     if "readout" not in answers:
         about = (
-            f"wiring: {', '.join(READOUTS)}; with -columns behind if the columns are driven, "
-            "-pullup if readings fall, -diodes if each driven line has one, -esp32 if the ADC is "
-            "an ESP32's [floating]: "
+            f"wiring: {', '.join(READOUTS)}; with -columns behind if the columns, the inner loop "
+            "of its sketch, are driven, -pullup if readings fall, -diodes if each driven line has "
+            "one, -esp32 if the ADC is an ESP32's [floating]: "
         )
         answers = ask(about, _wiring) | answers
     if "r_ref" not in answers:
@@ -213,12 +217,10 @@ def _bits_of(steps: float) -> int:
     return next((bits for bits in WIDTHS if 2**bits - 1 >= steps), WIDTHS[-1])
 
 
-def _text(found: Heard, answers: dict, circuit: dict, board: tuple) -> str:
+def _text(found: Heard, answers: dict, circuit: dict, where: dict) -> str:
     """Return the parameter file."""
     seen = found.seen
-    driver = {"protocol": seen.protocol, "baud": found.baud}
-    if board:
-        driver["serial_number"] = board[-1]  # port: auto finds it again on any socket
+    driver = {"protocol": seen.protocol, "baud": found.baud} | where
     if seen.format:  # what differs from the protocol's default description
         scale = 0.0 if _width(answers) else answers.get("full_scale", 0.0)
         form = dataclasses.replace(seen.format, full_scale=scale, request=found.request)

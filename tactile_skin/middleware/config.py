@@ -20,7 +20,7 @@ from ..physics.curve import PressureCurve
 from ..physics.proof import Proof
 from ..touch.geometry import Geometry, make_geometry
 from .bus import Context, Node, Parameter
-from .parameter_file import SHARED, ParameterFile, unknown_parameter
+from .parameter_file import SHARED, ParameterFile, sources_of, unknown_parameter
 
 
 class SkinConfig(tuple[Circuit, PressureCurve, Geometry]):
@@ -65,7 +65,7 @@ def read_skin(path=None, node: str = "compensation") -> SkinConfig:
     file = ParameterFile(path)
     file.check({node.rsplit("/", 1)[-1]: None})
     file.check_skin(f"/{node.strip('/')}")
-    return skin_of({p.name: p.value for p in file.overrides(f"/{node.strip('/')}")}, str(path))
+    return _skin_of(file.overrides(f"/{node.strip('/')}"), str(path))
 
 
 def skin_of(values: dict, where: str) -> SkinConfig:
@@ -74,21 +74,23 @@ def skin_of(values: dict, where: str) -> SkinConfig:
     Raises:
         ValueError: as `read_skin`; the message begins with `where`.
     """
-    overrides = [
-        Parameter(name, value)
-        for name, value in values.items()
-        if name.split(".")[0] in (*SHARED, "board_threshold")
-    ]
+    return _skin_of([Parameter(name, value) for name, value in values.items()], where)
+
+
+def _skin_of(given: list[Parameter], where: str) -> SkinConfig:
+    overrides = [p for p in given if p.name.split(".")[0] in (*SHARED, "board_threshold")]
     reader = Node("compensation", context=Context(), parameter_overrides=overrides)
     try:
-        given = declared(reader, Compensation)
-        circuit = circuit_of(given.circuit)
-        parts = circuit, curve_of(given.curve, circuit), geometry_of(given.geometry, circuit)
-        skin = SkinConfig(parts, given)
+        has = declared(reader, Compensation)
+        circuit = circuit_of(has.circuit)
+        parts = circuit, curve_of(has.curve, circuit), geometry_of(has.geometry, circuit)
+        skin = SkinConfig(parts, has)
+        if unknown := reader.undeclared():
+            words = unknown_parameter("", unknown[0], reader.parameter_names())
+            raise ParameterError(words.removeprefix(": "), unknown[0])
     except ValueError as error:
+        where = sources_of(overrides, error) or where
         raise type(error)(f"{where}: {error}" if where else str(error)) from error
-    if unknown := reader.undeclared():
-        raise ParameterError(unknown_parameter(where, unknown[0], reader.parameter_names()))
     return skin
 
 

@@ -42,6 +42,7 @@ def _alike(*names: str) -> dict[str, str]:
     return {name: name for name in names}
 
 
+_NUMBERS = "duration", "wait_for_port", "view_port"  # refused before a board is started
 _OF_VIEW = {"view_host": "host", "view_port": "port", "view_controls": "controls"}
 _OF_SKIN: dict[str, dict[str, str]] = {  # node -> argument that it takes -> parameter
     **{part: _alike("use_sim_time") for part in PARTS},
@@ -144,10 +145,14 @@ def _is_true(path, name: str, given: Mapping[str, str]) -> bool:
 def _value(path, name: str, given: Mapping[str, str]):
     """Return the value of an argument: a text is read as YAML, as ROS 2 does."""
     text = given[name]
+    where = f"{path}: {name} = {shorten(text)}"
     try:
-        return parse_yaml(text, f"{path}: {name} = {shorten(text)}")
+        value = parse_yaml(text, where)
     except FileError as error:
         raise LaunchError(str(error)) from error
+    if name in _NUMBERS and type(value) not in (int, float):
+        raise LaunchError(f"{where}: must be a number")
+    return value
 
 
 def _arguments_of(name: str) -> list[Argument]:

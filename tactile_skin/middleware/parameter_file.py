@@ -5,12 +5,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from ..errors import SUCCESSORS, FileError, ParameterError
 from ..files import shorten
-from ..yaml_files import read_yaml
+from ..yaml_files import Map, read_yaml
 from .bus import Parameter
 from .package import CLASSES, COMPOSED, NODES, SKIN_NODES
 
@@ -43,6 +43,7 @@ class Section:
         node: its name; "": all nodes.
         values: parameter -> value.
         of_skin: it stands under `skins`.
+        lines: parameter -> its line in the file.
     """
 
     name: str
@@ -50,6 +51,11 @@ class Section:
     node: str
     values: dict
     of_skin: bool = False
+    lines: dict = field(default_factory=dict, compare=False)
+
+    def line(self, name: str, where: str = "") -> str:
+        """Return where a parameter stands: the section, or what is given for it, and the line."""
+        return (where or self.name) + (f": line {self.lines[name]}" if name in self.lines else "")
 
     def concerns(self, full_name: str) -> bool:
         """Whether it is for the node of this full name."""
@@ -143,7 +149,7 @@ class ParameterFile:
             )
         values = section["ros__parameters"]
         flat = _flat({} if values is None else values, where)
-        read = Section(where, namespace, node, flat)
+        read = Section(where, namespace, node, flat, lines=_lines(values))
         for other in self.sections:
             if (other.namespace, other.node) == (read.namespace, read.node):
                 other_name = other.name.removeprefix(f"{self.path}: ")
@@ -178,7 +184,7 @@ class ParameterFile:
             if own.skins:
                 raise FileError(f"{where}: {file}: must be one skin's, and holds {SKINS}")
             self.sections += [
-                Section(f"{where}: {one.name}", name, one.node, one.values, True)
+                Section(f"{where}: {one.name}", name, one.node, one.values, True, one.lines)
                 for one in own.sections
                 if not one.namespace
             ]
@@ -191,8 +197,9 @@ class ParameterFile:
         found: dict[str, Parameter] = {}
         for section in self.sections:
             if any(section.concerns(name) for name in nodes):
-                source = section.name if section.of_skin else str(self.path)
-                found |= {k: Parameter(k, value, source) for k, value in section.values.items()}
+                source = "" if section.of_skin else str(self.path)
+                for k, value in section.values.items():
+                    found[k] = Parameter(k, value, section.line(k, source))
         return list(found.values())
 
     def check(
@@ -229,7 +236,7 @@ class ParameterFile:
                 lacks_group = any(other.endswith(f".{name}") for other in allowed)
                 of_skin = section.node or self.own or name.split(".")[0] in SHARED
                 if of_skin or lacks_group:
-                    raise ParameterError(unknown_parameter(section.name, name, allowed))
+                    raise ParameterError(unknown_parameter(section.line(name), name, allowed))
 
     def check_skin(self, node: str) -> None:
         """Refuse a body's file for the node of a skin that it does not name."""
@@ -271,6 +278,28 @@ def unknown_parameter(where: str, name: str, known: Collection[str]) -> str:
     group = name.rpartition(".")[0]
     near = [k for k in known if k.rpartition(".")[0] == group or k.endswith(f".{name}")]
     return f"{where}: parameter {name!r} is unknown; there are: {', '.join(sorted(near or known))}"
+
+
+def sources_of(given: Iterable[Parameter], error: ValueError) -> str:
+    """Return where what an error refuses is given: files, of one or two values with their lines."""
+    names = error.parameters if isinstance(error, ParameterError) else ()
+    sources = [
+        p.source
+        for p in given
+        if p.source and any(f"{p.name}.".startswith(f"{name}.") for name in names)
+    ]
+    if len(set(sources)) > 2:
+        sources = [source.partition(": line ")[0] for source in sources]
+    return ", ".join(dict.fromkeys(sources))
+
+
+def _lines(tree, under: str = "") -> dict[str, int]:
+    """{"circuit": {"rows": 8}} of a file -> {"circuit.rows": its line}."""
+    found: dict[str, int] = {}
+    for key, value in tree.items() if isinstance(tree, Map) else ():
+        below = _lines(value, f"{under}{key}.")
+        found |= below or ({f"{under}{key}": tree.lines[key]} if key in tree.lines else {})
+    return found
 
 
 def _flat(tree, where: str, under: str = "") -> dict:

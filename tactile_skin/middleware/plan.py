@@ -31,6 +31,7 @@ from .parameter_file import (
     THEIRS,
     ParameterFile,
     last_of,
+    sources_of,
     unknown_of,
     unknown_parameter,
 )
@@ -259,13 +260,12 @@ def by_thread(nodes: list[NodeAction], handles: list[Node]) -> list[list[Node]]:
     ]
 
 
-def parameters_of(handles: list[Node]) -> dict[str, dict]:
-    """Return the full name of each node -> {parameter: value}."""
+def parameters_of(context: Context, space: str = "/") -> dict[str, dict]:
+    """Return the full name of each node in a namespace -> {parameter: value}, if it has any."""
     return {
-        handle.get_fully_qualified_name(): {
-            name: handle.get_parameter(name).value for name in handle.parameter_names()
-        }
-        for handle in handles
+        node: {name: handle.get_parameter(name).value for name in handle.parameter_names()}
+        for node, handle in dict(context.nodes).items()
+        if node.startswith(space) and handle.parameter_names()
     }
 
 
@@ -291,7 +291,7 @@ def check_parameters(plan: Plan, names: Mapping[str, frozenset[str] | None]) -> 
             shared = [name for name in section.values if name.split(".")[0] in SHARED]
             if section.node in CLASSES and shared:
                 raise LaunchError(
-                    f"{section.name}: {shared[0]}: belongs under /**, since "
+                    f"{section.line(shared[0])}: {shared[0]}: belongs under /**, since "
                     "several nodes must agree on it"
                 )
 
@@ -326,13 +326,7 @@ def naming_its_file(action: NodeAction):
             f"{action.file}: node {action.full_name}: {error}: check remap"
         ) from error
     except ValueError as error:
-        names = error.parameters if isinstance(error, ParameterError) else ()
-        files = [
-            p.source
-            for p in action.given()
-            if p.source and any(f"{p.name}.".startswith(f"{name}.") for name in names)
-        ]
-        files += [action.full_name] if action.namespace and not files else []  # of which skin
-        if not files:
+        where = sources_of(action.given(), error) or (action.full_name if action.namespace else "")
+        if not where:
             raise
-        raise LaunchError(f"{', '.join(dict.fromkeys(files))}: {error}") from error
+        raise LaunchError(f"{where}: {error}") from error  # of which skin, if no file says it

@@ -200,14 +200,15 @@ class StopOnPush:
         force, peak = columns["force"], columns["peak"]
         self._header = msg.header  # not of one that cannot be read: "free" rests on its stamp
         self._force = _unless_negative(force, np.sum)
-        self._most, largest = self._force, _unless_negative(peak, np.max)
+        self._most = self._force
+        largest = highest = _unless_negative(peak, np.max)
         if self._force >= 0.0 and largest >= 0.0:
             highest = _unless_negative(columns.get("peak_bound", peak), np.max)
-            self._most, largest = most_of(columns), max(largest, highest)
+            self._most, highest = most_of(columns), max(largest, highest)
         stamp = seconds(msg.header)
         self._watch_clock()  # with readings that come often the timer is never due
-        t, felt = now(self.node), max(self._force, 0.0)
-        self._publish(self.policy.reading(t, self._most, largest, stamp, felt))
+        t, felt = now(self.node), (max(self._force, 0.0), max(largest, 0.0))
+        self._publish(self.policy.reading(t, self._most, highest, stamp, *felt))
         self._heartbeat.reset()
 
     def on_diagnostics(self, msg: DiagnosticArray) -> None:

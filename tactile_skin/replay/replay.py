@@ -105,7 +105,7 @@ class Replay:
         Raises:
             FileError, OSError: the file cannot be made.
         """
-        attachments = configuration.attachments(self.driven.parameters)
+        attachments = configuration.attachments(parameters_of(self.driven.observer.context))
         now = self.driven.now
         self._writer = writer = Writer(path, attachments, now())
         for topic, kind in cdr.new_topics(self.driven.observer, set()):
@@ -236,11 +236,6 @@ class Driven:
     def run(self) -> None:
         """Carry out what is due now."""
         self._executor.spin_some()
-
-    @property
-    def parameters(self) -> dict[str, dict]:
-        """Full name of each node -> {parameter: value}."""
-        return parameters_of(self._skin._handles)
 
     @property
     def errors(self) -> int:

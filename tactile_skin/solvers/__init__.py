@@ -13,10 +13,12 @@ from __future__ import annotations
 
 import inspect
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ..learning import network
 from ..physics import lines
 from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
@@ -79,7 +81,8 @@ def compensate(
             that is fed with the circuit's physics), or "auto" (the cheapest that the frame
             allows; `Estimate.method` names it, "rest" if nothing touches). Where a light picture
             and a hard one may fit alike, "map" stands for "fixed_point" and "newton", too.
-        weights: a `network.Weights` for cnn and physics; None: those of the package.
+        weights: for cnn and physics, a `network.Weights` or the file of one, as a node's; None:
+            those of the package.
         start: the last frame's estimate, from which newton, map and auto then go on, and which the
             others ignore; every frame of a batch goes on from it.
         noise: RMS noise of a reading [ADC steps]; 0: exact. None: map and auto measure it in the
@@ -106,6 +109,8 @@ def compensate(
     if weights is not None and "weights" not in _TAKES[method]:
         users = " and ".join(m for m, takes in _TAKES.items() if "weights" in takes)
         raise ValueError(f"method {method!r} does not use weights: only {users} do")
+    if isinstance(weights, (str, Path)):
+        given["weights"] = network.load(weights)
     if start is not None:
         check_start(start, circuit)
     given = {name: given[name] for name in _TAKES[method]}

@@ -205,7 +205,7 @@ def test_every_method_has_a_look_of_its_own():
 
 def test_an_unknown_part_is_named(capsys, tmp_path):
     assert cli.main(["bench", "colour", "--out", str(tmp_path / "out")]) == 2
-    assert "part 'colour': must be one of speed, stability" in capsys.readouterr().err
+    assert "part 'colour': must be one of speed, stability, or one file" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 
@@ -225,3 +225,20 @@ def test_the_whole_command(tmp_path):
     for name in names:
         written = json.loads((tmp_path / f"{name}.json").read_text())
         assert written["seed"] == 3 and written["machine"]["numpy"] == np.__version__
+
+
+def test_a_users_own_circuit_and_touches_are_measured(drawn, tmp_path, capsys):
+    """By the methods that know the circuit, in two panels; all troubles are of it as well."""
+    config, rng = tmp_path / "mine.yaml", np.random.default_rng(3)
+    config.write_text("/**: {ros__parameters: {circuit: {rows: 6, cols: 5, readout: loaded}}}\n")
+    own = Circuit(6, 5, readout="loaded")
+    force = scenes.sample("bodies", 30, 6, 5, rng)
+    np.save(tmp_path / "mine.npy", np.rint(1023 * forward(own, CURVE.resistance(force))))
+    words = f"config:={config}", str(tmp_path / "mine.npy"), "--out", str(tmp_path)
+    assert cli.main(["bench", "speed", "--quick", *words]) == 0
+    data = json.loads((tmp_path / "speed.json").read_text())
+    assert [len(points) for points in data["panels"].values()] == [len(speed.WIRED)] * 2
+    assert "| your circuit, touches of your recording | `auto` |" in capsys.readouterr().out
+    given = 2, [1, 0], 6, own, CURVE, speed.WIRED
+    outcome, compared = stability._on_board(TROUBLES[0], 1, *given)
+    assert outcome.error.shape == (2,) and set(compared) == set(speed.WIRED)

@@ -151,6 +151,31 @@ def test_creep_is_measured_and_written(tmp_path):
         assert added[0] / added[1] == pytest.approx(float(guide.creep.gain(LAID)), rel=1e-3)
 
 
+def test_each_press_that_does_not_count_says_why(done):
+    """A short one once it ends, and not what is left of one that has counted."""
+    moves, known = "it moves: hold it still", "it is counted already: press somewhere else"
+    light = [f"too light, {n}.5 of 9.0 ADC steps: press harder" for n in (5, 6)]
+    looks = [moves, "", light[0], "", *light, "", moves, None, known, light[0], "", known, ""]
+    looks = iter([*looks, moves, *[known] * 4, "", None, *[known] * 4, ""])
+
+    def look():
+        reason = next(looks, "")
+        return (np.zeros(SHAPE), "") if reason is None else (None, reason)
+
+    heard, board = [], done[0]
+    guide = Guide(board.supposed, board.frames, input, heard.append)
+    guide._new_touch = look
+    assert len(list(guide.presses())) == 2
+    said = [text.removeprefix("  does not count: ") for text in heard[:-1]]
+    assert said == [moves, light[1], known, known, known]
+
+
+def test_without_a_curve_enter_ends_after_a_question_only(done):
+    guide, asked = copy.copy(done[2]), []
+    guide.ask, guide.fitted = lambda text: asked.append(text) or "", None
+    assert guide.fit_curve() and len(asked) == 2 and "0 of at least 3 objects: no curve" in asked[1]
+
+
 def test_a_skin_that_never_rests_ends_it():
     """With what to do about it, and not by asking for ever: a line may be loose."""
     board = Unknown(SHAPE, seed=22)

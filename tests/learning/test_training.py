@@ -220,7 +220,7 @@ def test_a_network_is_trained_for_a_circuit_and_its_curve(tmp_path, capsys, kind
     words = ["--config", str(config), "--out", str(out), "--network", kind, "--threads", "1"]
     assert cli.main(["train", *words, *FEW]) == 0
     assert f"weights: {out / kind}.npz" in capsys.readouterr().out
-    weights, skin = network.load(out / f"{kind}.npz"), read_skin(config)
+    weights, skin = str(out / f"{kind}.npz"), read_skin(config)
     force = np.full((6, 7), 0.3)
     adc = forward(skin.circuit, skin.curve.resistance(force))
     found = compensate(adc, skin.circuit, skin.curve, method, weights=weights)

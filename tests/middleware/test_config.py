@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from tactile_skin import Circuit, PressureCurve
-from tactile_skin.launch import read_skin, share_dir
+from tactile_skin.launch import launch, read_skin, share_dir
 
 SKIN = """
 /**:
@@ -43,6 +43,22 @@ def test_a_file_says_how_the_matrix_is_read(tmp_path):
     text = SKIN.replace("r_par: 100.0", "readout: half open", 1)
     with pytest.raises(ValueError, match=r"mine.yaml: .*readout of node .* = 'half open'.*loaded"):
         read_skin(write(tmp_path, text))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "where"),
+    [
+        ("r_par: 100.0", "r_par: -1.0", "yaml: line 4: parameter circuit.r_par"),
+        ("radius: 0.2", "\n      radiu: 0.2", "yaml: line 7: parameter 'geometry.radiu'"),
+        ("90.0]", "95000.0]", "yaml: line 5: "),  # two values that do not go together
+    ],
+)
+def test_what_is_refused_is_named_with_its_line(tmp_path, old, new, where):
+    path = write(tmp_path, SKIN.partition("left")[0].replace(old, new))
+    with pytest.raises(ValueError, match=where):
+        read_skin(path)
+    with pytest.raises(ValueError, match=where.partition(": ")[2]):
+        launch("skin.launch.yaml", config=path, port="loop://").build()
 
 
 def test_without_a_file_the_defaults_hold():

@@ -198,8 +198,11 @@ def test_a_reason_longer_than_the_terminal_is_printed_whole_once(monkeypatch):
     assert len(live) < 80 and re.match(r"SIMULATED +0\.0/s  STOP stale: readings come", live)
 
 
-def test_the_live_line_names_a_gesture_for_a_while():
+def test_the_live_line_names_a_gesture_for_a_while_and_the_most_that_a_touch_may_be():
     bench, monitor, observer = watching()
+    status = DiagnosticStatus(values=[KeyValue("counts_as", "37.0")])
+    decisions = observer.create_publisher(DiagnosticArray, STATUS_TOPIC, STATUS)
+    decisions.publish(DiagnosticArray(bench.header(), [status]))
     observer.create_publisher(String, "skin/gesture", 10).publish(String("stroke"))
     bench.spin()
     lines = []
@@ -209,6 +212,7 @@ def test_the_live_line_names_a_gesture_for_a_while():
         lines.append(monitor.out.getvalue())
         bench.clock.advance(2.5)
     assert lines[0].endswith("  stroke\n") and "stroke" not in lines[1]
+    assert " 0.0 N (may be 37 N)  no push" in lines[0]
 
 
 def test_a_warning_is_printed_whole_once():

@@ -341,7 +341,7 @@ def test_a_wrong_value_of_a_skins_own_file_is_refused_with_that(tmp_path, write)
     skins = {name: section(name, tmp_path) for name in NAMES}
     skins["back"]["config"] = "mine.yaml"
     with pytest.raises(
-        ValueError, match=r"skins: back: .*mine.yaml: /\*\*: parameter circuit.r_par"
+        ValueError, match=r"skins: back: .*mine.yaml: /\*\*: line 1: parameter circuit.r_par"
     ):
         launch("body.launch.yaml", config=write(skins), wait_for_port=1.0).build()
 

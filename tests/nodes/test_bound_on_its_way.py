@@ -57,7 +57,8 @@ def test_the_stop_compares_the_bound_and_says_both():
     why = "newtons are not proved; r_par is not known yet"
     assert said == f"push: 14 N (may be 41 N: {why}), limit 30 N"
     assert decided(14.0, 2.0, bound=29.0, peak_bound=3.0) == ""
-    assert "limit 9 N" in decided(14.0, 2.0, bound=20.0, peak_bound=9.5)
+    said = decided(14.0, 2.0, "scale", bound=20.0, peak_bound=12.0)
+    assert said == "push: 2 N on one cell (may be 12 N: newtons are not proved), limit 9 N"
 
 
 def test_forces_of_somebody_else_count_as_they_are():

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import yaml
 
-from tactile_skin import Circuit, PressureCurve, cli, forward
+from tactile_skin import Circuit, PressureCurve, forward
 from tactile_skin.msg import DiagnosticArray, DiagnosticStatus, Header, Image, Time, image
 from tactile_skin.recording import Recording, cdr, configuration
 from tactile_skin.recording.writer import Writer
@@ -170,12 +170,6 @@ def test_methods_side_by_side(path, tmp_path):
     assert [line.split()[0] for line in lines.splitlines()] == ["method", "map", "naive", "map"]
     with pytest.raises(ValueError, match="give two or more"):
         compare(Job(str(path)), ["map"])
-
-
-def test_the_doctor_takes_a_recording_with_its_circuit(path, capsys):
-    """6 x 7 cells; the default circuit is 16 x 16."""
-    assert cli.main(["doctor", str(path)]) in (0, 1)
-    assert "600 frames of 6 x 7" in capsys.readouterr().out
 
 
 def test_a_recording_without_readings_is_refused(tmp_path):

@@ -173,6 +173,8 @@ def test_a_bad_start_is_refused(wrong):
         compensate(ADC, SMALL, CURVE, start=start)
 
 
-def test_weights_must_be_weights():
-    with pytest.raises(ValueError, match="weights are of type str: must be Weights"):
+def test_weights_must_be_weights_or_their_file():
+    with pytest.raises(ValueError, match="weights are of type dict: must be Weights"):
+        compensate(ADC, SMALL, CURVE, "cnn", weights={})
+    with pytest.raises(FileNotFoundError, match=r"weights mine\.npz: no such file"):
         compensate(ADC, SMALL, CURVE, "cnn", weights="mine.npz")

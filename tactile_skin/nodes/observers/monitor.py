@@ -11,6 +11,7 @@ from collections import deque
 
 import numpy as np
 
+from ...behaviours.stop import may_be
 from ...middleware.bus import DurabilityPolicy, QoSProfile, Time
 from ...middleware.config import declared
 from ...middleware.logs import takes
@@ -29,7 +30,7 @@ from ...parameters.nodes import Monitor as Parameters
 from ...physics.proof import NOT_PROVED, NOTHING
 from .. import READING, diagnostics
 from ..cmd_vel import kind_of, twist_of
-from ..stop_on_push import STATUS_TOPIC
+from ..stop_on_push import COUNTS_AS, STATUS_TOPIC
 from ..touch import xyz
 
 _FIRST_FRAME_WITHIN = 20.0  # s, before a run of limited duration gives up
@@ -99,7 +100,7 @@ class Monitor:
         self._warnings: dict[str, str] = {}  # node -> its message
         self._kinds: dict[str, tuple] = {}  # node -> kind of that and its lines; or its words
         self._warned: dict[str, tuple] = {}  # the same of those that were printed
-        self._contacts, self._force = 0, 0.0
+        self._contacts, self._force, self._most = 0, 0.0, 0.0
         self._direction = (0.0, 0.0, 0.0)
         self._gesture, self._named_at = "", 0  # the last one that was named, and when [ns]
         self._cmd_vel: Twist | None = None  # while a node of the skin moves the robot
@@ -164,6 +165,7 @@ class Monitor:
         status = msg.status[0]
         said = {pair.key: pair.value for pair in status.values}
         self._proof = said.get(diagnostics.PROOF, self._proof)
+        self._most = float(said.get(COUNTS_AS, 0.0))  # of the body nobody says it
         reason = status.message if status.level != DiagnosticStatus.OK else ""
         if self._first is None or stamp < self._first:  # stopped, as it must be, before a reading
             self._waiting = reason
@@ -220,8 +222,9 @@ class Monitor:
         slowest, skin = min((skin.rate(now), skin.name) for skin in self.skins)
         rate = f"{'SIMULATED ' * self._simulated}{skin}{slowest:5.1f}/s"
         line = (
-            f"{rate}  drops {self.drops}  contacts {self._contacts} {self._force:6.1f} N  "
-            f"{push:<26} {'STOP ' + reason if reason else 'free'}"
+            f"{rate}  drops {self.drops}  contacts {self._contacts} {self._force:6.1f} N"
+            f"{may_be(self._force, self._most)}  {push:<26} "
+            f"{'STOP ' + reason if reason else 'free'}"
             f"{f'  {NOT_PROVED}' * (self._proof == NOTHING)}"
             f"{self._gesture_motion_and_warnings(now)}"
         )

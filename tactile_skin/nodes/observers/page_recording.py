@@ -22,12 +22,13 @@ class PageRecording:
 
     Args:
         node: that hears them.
-        space: the skin's namespace within the node's, with a slash; empty: they are one.
+        space: the skin's namespace within the node's, with a slash; empty: they are one. The
+            attribute: its full name.
     """
 
     def __init__(self, node, space: str):
         self.node = node
-        self._here = node.resolve_topic_name(f"{space}skin/adc").removesuffix("skin/adc")
+        self.space = node.resolve_topic_name(f"{space}skin/adc").removesuffix("skin/adc")
         self._recorder: Recorder | None = None
         self._heard: set[str] = set()
         self._done = ""
@@ -53,7 +54,7 @@ class PageRecording:
     def _begin(self) -> tuple[bool, str]:
         if self._recorder is not None:
             return False, "a recording is on already"
-        attached = configuration.attachments(self.parameters())
+        attached = configuration.attachments(parameters_of(self.node.context, self.space))
         path = Path(tempfile.mkdtemp(prefix="tactile_skin_")) / "recording.mcap"
         try:
             self._recorder = Recorder(path, _LIMITS, attached, self._now)
@@ -61,14 +62,9 @@ class PageRecording:
             return False, str(error)
         self._recorder.start()
         for topic, kind in cdr.new_topics(self.node, self._heard):
-            if topic.startswith(self._here) or topic == "/diagnostics":
+            if topic.startswith(self.space) or topic == "/diagnostics":
                 self.node.create_listener(kind, topic, functools.partial(self._take, topic))
         return True, "recording; press again to end it"
-
-    def parameters(self) -> dict[str, dict]:
-        """Return the full name of each node of the skin -> {parameter: value}."""
-        nodes = dict(self.node.context.nodes).items()
-        return parameters_of([node for name, node in nodes if name.startswith(self._here)])
 
     def _take(self, topic: str, message) -> None:
         if (recorder := self._recorder) is not None:

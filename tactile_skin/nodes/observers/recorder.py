@@ -6,9 +6,10 @@ from __future__ import annotations
 import functools
 
 from ...middleware.config import declared
+from ...middleware.plan import parameters_of
 from ...msg import Bool
 from ...parameters.nodes import Recorder as Parameters
-from ...recording import cdr
+from ...recording import cdr, configuration
 from ...recording.recorder import Limits, Recorder
 from .. import diagnostics
 
@@ -36,14 +37,15 @@ class RecorderNode:
         self._said = ""
         self._diagnostics = diagnostics.Reporter(node)
 
-    def begin(self, attachments: dict[str, bytes]) -> None:
-        """Make the file, and record from here on.
+    def begin(self) -> None:
+        """Make the file, with the parameters of all nodes, and record from here on.
 
         Raises:
             FileError, OSError: it cannot be made.
             ModuleNotFoundError: the libraries for it are not installed.
         """
-        self._recorder = Recorder(self._path, self._limits, attachments, self._now)
+        attached = configuration.attachments(parameters_of(self.node.context))
+        self._recorder = Recorder(self._path, self._limits, attached, self._now)
         self._recorder.start()
         self._listen()
         self.node.create_timer(1.0, self._on_second)

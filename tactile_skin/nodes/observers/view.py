@@ -12,6 +12,7 @@ from dataclasses import replace
 from ...errors import LaunchError
 from ...fields import leaves
 from ...middleware.config import adc_of, circuit_of, curve_of, declared, geometry_of
+from ...middleware.plan import parameters_of
 from ...middleware.written import own_sections
 from ...msg import Trigger
 from ...parameters.nodes import View as Parameters
@@ -179,7 +180,7 @@ class ShownSkin:
         if name not in self._clients:
             return False, "controls are off: launch with view_controls:=true"
         if name == DESCRIBE:
-            return True, own_sections(self.recording.parameters())
+            return True, own_sections(parameters_of(self.node.context, self.recording.space))
         if name in RECORDS:
             return self.recording.ask(name)
         said = []
