@@ -138,7 +138,7 @@ def driven(config: str, **arguments):
     plan = read_plan(find("skin.launch.yaml"), {"config": config, "monitor": "false"} | arguments)
     if "record" in arguments:
         to = [Parameter("path", "stops/"), Parameter("last", 5.0)]
-        plan.add(replace(plan.programs[-1], name="last", parameters=to))
+        plan.add(replace(plan.nodes[-1], name="last", parameters=to))
     running = Driven(plan, START)
     driver = running.nodes["serial_driver"]
     driver._starter.cancel()
