@@ -29,8 +29,7 @@ _LEAST_EIGENVALUE = 1e-15  # of the largest: below it the rounding of doubles is
 class Network(NamedTuple):
     """All that follows from the conductances of one frame."""
 
-    # (lines, lines) W with K = W W^T [sqrt(ohm)]; det W is the product of its diagonal
-    root: Floats
+    log_det: float  # of K
     k: Floats  # (lines, lines) K = [[A, C], [C^T, D]] [ohm]
     rho: Floats  # (rows, cols) two-terminal resistances [ohm]
 
@@ -40,15 +39,18 @@ def solve(g: Floats) -> Network:
     if (found := compiled.solve(g)) is not None:
         return Network(*found)
     rows, cols = g.shape
+    if rows > cols:  # eliminate the longer side: the inverse stays small
+        log_det, k, rho = solve(g.T)
+        return Network(log_det, np.roll(k, (rows, rows), (0, 1)), rho.T)
     lines = rows + cols
     reduced, scaled, col_sum = _reduced_root(g)
     root = np.zeros((lines, lines))
     root[:rows, :rows] = reduced
     np.matmul(scaled.T, reduced, out=root[rows:, :rows])
     root.reshape(-1)[rows * (lines + 1) :: lines + 1] = col_sum**-0.5
-    k = root @ root.T
+    k, log_det = root @ root.T, 2.0 * float(np.log(np.abs(root.diagonal())).sum())
     diagonal = k.diagonal()
-    return Network(root, k, _two_point(diagonal[:rows], k[:rows, rows:], diagonal[rows:]))
+    return Network(log_det, k, _two_point(diagonal[:rows], k[:rows, rows:], diagonal[rows:]))
 
 
 def connected_rho(g: Floats) -> Floats:
@@ -62,7 +64,7 @@ def connected_rho(g: Floats) -> Floats:
     """
     if (found := compiled.connected_rho(g)) is not None:
         return found
-    if g.shape[0] > g.shape[1]:  # eliminate the longer side: the inverse stays small
+    if g.shape[0] > g.shape[1]:
         return connected_rho(g.T).T
     root, scaled, col_sum = _reduced_root(g)
     a = root @ root.T

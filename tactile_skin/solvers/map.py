@@ -184,8 +184,8 @@ def _is_lighter(reading: Reading, estimate: Estimate, finding: Finding) -> bool:
         data.reshape(-1)[:: free.size + 1] += 1.0  # a cell that its reading hardly tells stays
         pull = (g * model.network.pull(model.weight * model.misfit)).ravel()[free]
         least, most = _LIGHTEST * low / here - 1.0, high / here - 1.0
-        dx, factor, _ = solve_in_box(data, pull, least, most)
-        if factor is None or not np.isfinite(dx).all():
+        dx, solved, _ = solve_in_box(data, pull, least, most)
+        if not solved or not np.isfinite(dx).all():
             return False
         g.flat[free] = here * (1.0 + dx)
     return suspect.by_residual(reading, reading.model(g), ROUNDING_NOISE) is None
@@ -279,11 +279,11 @@ def _gauss_newton(reading: Reading, point: Point) -> Step:
         return Step(free, dx, 0.5 * b @ dx, solved=solved)
     information = prior_terms.information(point.jacobian(free))
     precision = prior_terms.precision(information, point.prior, between, free)
-    dx, factor, inside = solve_in_box(precision, b, *point.ends(free))
+    dx, solved, inside = solve_in_box(precision, b, *point.ends(free))
     # The factor of a matrix with overflows is unusable, though LAPACK may return one.
-    if factor is None or not np.isfinite(precision.diagonal()).all() or not np.isfinite(dx).all():
+    if not solved or not np.isfinite(precision.diagonal()).all() or not np.isfinite(dx).all():
         return Step(free, dx, 0.0, solved=False)
-    equations = NormalEquations(free, inside, information, factor)
+    equations = NormalEquations(free, inside, information, precision)
     return Step(free, dx, float(0.5 * b @ dx), equations)
 
 
