@@ -62,12 +62,15 @@ def map_estimate(reading: Reading, start: Estimate | None = None) -> Estimate:
     same = None if start is None else _unchanged(reading, start, g)
     if same is not None:
         return same
-    if reading.may_fit_two:
-        g, warm = first_guess(reading), False
-    fit = _fit(reading, g, warm)
-    if warm and fit.status != "ok" and not reading.late():
-        again = _fit(reading, first_guess(reading))
-        fit = fit if again.status == "failed" else again
+    warm = warm and not reading.may_fit_two
+    # A contact is bad for many frames: no start explains them, and the fit without one counts.
+    bad = warm and start is not None and start.aside is not None
+    fit = _fit(reading, first_guess(reading)) if bad or not warm else None
+    if fit is None or (bad and fit.status != "suspect"):
+        cold, fit = fit, _fit(reading, g, warm=True)
+        if fit.status != "ok" and (cold or not reading.late()):
+            cold = cold or _fit(reading, first_guess(reading))
+            fit = fit if cold.status == "failed" else cold
     # without cross-talk cells of any other circuit would fit as well
     if fit.status == "suspect" and reading.circuit.has_cross_talk and not reading.late():
         if not reading.noise_given:

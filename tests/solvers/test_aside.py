@@ -9,6 +9,7 @@ from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.physics.curve import GRAM
 from tactile_skin.simulation import scenes
 from tactile_skin.simulation.textile import Textile
+from tactile_skin.solvers import map as map_solver
 
 CIRCUIT, CURVE = Circuit(), PressureCurve()
 
@@ -46,6 +47,27 @@ def test_a_few_bad_contacts_do_not_spoil_the_picture(rng):
             assert found.force.sum() == pytest.approx(force.sum(), rel=0.05)
             good += 1
     assert good >= 36
+
+
+def test_a_contact_that_stays_bad_does_not_cost_a_fit_from_the_last_picture(rng, monkeypatch):
+    """That fit is suspect, too; where the contact is good again, it counts as ever."""
+    fit, begun = map_solver._fit, []
+
+    def counted(reading, g, warm=False, *more, **given):
+        begun.append((reading.n_informative, warm))
+        return fit(reading, g, warm, *more, **given)
+
+    force = touch(rng)
+    sound = read(rng, force)
+    adc, _ = lowered(rng, sound, force, 3)
+    last = compensate(adc, CIRCUIT, CURVE, noise=0.6)
+    assert last.aside is not None
+    monkeypatch.setattr(map_solver, "_fit", counted)
+    more = read(rng, 1.2 * force)
+    again = compensate(more + (adc - sound), CIRCUIT, CURVE, start=last, noise=0.6)
+    assert again.aside is not None and (256, True) not in begun
+    found = compensate(more, CIRCUIT, CURVE, start=last, noise=0.6)
+    assert found.status == "ok" and begun[-1] == (256, True)
 
 
 def test_a_reading_that_is_far_off_takes_no_sound_one_with_it(rng):
