@@ -39,7 +39,9 @@ _DENSE = 600  # unknowns up to which a Cholesky factor is faster than conjugate 
 # Of x that such gradients suppose of a cell at least: one that was not read and bears nothing has
 # none of its own: the readings of others determine it.
 _LEAST_CURVATURE = 1.0
-_MEMORY = 4  # last costs, of which a step must not exceed the largest: a bound met costs at first
+# Last costs, of which a step must not exceed the largest: a bound met costs at first. Of a load on
+# the whole skin the last one counts, or steps that are too long alternate between two pictures.
+_MEMORY = 4
 _UNCHANGED = 2.2  # standard deviations of chi^2 up to which a frame is that of the same load
 _ANOTHER = 1.3  # times the force of a lighter picture from which on a heavier one is another
 _LIGHTEST = 0.5  # of its conductance at rest, that a cell keeps from which a cover lifts
@@ -201,13 +203,13 @@ def _converge(
     costs = [point.cost]
     iterations, settled = 0, False
     shares = reading.circuit.readout_class.shares_sum
-    least = _SETTLED_SUM if shares else _SETTLED
+    least, memory = _SETTLED_SUM if shares else _SETTLED, 1 if broad else _MEMORY
     while iterations < MAX_STEPS:
         iterations += 1
         step = _gauss_newton(reading, point)
         if not step.solved:
             break
-        point = _descend(reading, point, step, broad, max(costs[-_MEMORY:]))
+        point = _descend(reading, point, step, broad, max(costs[-memory:]))
         costs.append(point.cost)
         # What is left to gain is the error of the quadratic's prediction. A load on the whole skin
         # is tested by its cost, and is therefore fitted to the end.
