@@ -20,8 +20,8 @@ def test_a_step_is_the_minimum_of_those_inside_and_lies_within_its_box(n):
         low, high = -rng.exponential(1.0, n), rng.exponential(1.0, n)
         dx, solved, inside = quadratic.solve_in_box(np.triu(s), b, low, high)
         assert solved and ((dx >= low) & (dx <= high)).all()
-        u = np.triu(quadratic.factor_over(np.triu(s), inside))
-        np.testing.assert_allclose(u.T @ u, s[np.ix_(inside, inside)], rtol=1e-3, atol=1e-4)
+        found, there = quadratic.inverse(np.triu(s), inside), s[np.ix_(inside, inside)]
+        np.testing.assert_allclose(np.triu(found), np.triu(np.linalg.inv(there)), 1e-3, 1e-3)
         met += (~inside).sum()
         if inside.all() and ((dx > low) & (dx < high)).all():
             np.testing.assert_allclose(s @ dx, b, rtol=1e-3, atol=1e-3)
@@ -43,14 +43,12 @@ def test_a_step_is_the_minimum_within_its_box(n):
 
 def test_a_few_on_their_ends_need_no_other_factor(monkeypatch):
     s, calls, factor = definite(np.random.default_rng(8), 60), [], quadratic.factor_over
-    low, high = np.full(60, -9.0), np.full(60, 9.0)
-    low[::6] = -1e-3
+    low = np.where(np.arange(60) % 6, -9.0, -1e-3)
     monkeypatch.setattr(quadratic.compiled, "library", None)
     monkeypatch.setattr(quadratic, "factor_over", lambda *a: calls.append(a) or factor(*a))
-    dx, _, inside = quadratic.solve_in_box(np.triu(s), np.full(60, -0.1), low, high)
+    dx, _, inside = quadratic.solve_in_box(np.triu(s), np.full(60, -0.1), low, -low)
     assert len(calls) == 1 and (~inside).sum() >= 5
-    pull = -0.1 - s @ dx
-    assert (pull[dx > low] > -1e-4).all() and (pull[dx < high] < 1e-4).all()
+    assert ((-0.1 - s @ dx)[dx > low] > -1e-4).all()
 
 
 def test_a_step_without_a_factor():
@@ -66,13 +64,6 @@ def test_a_step_beyond_numbers_is_no_step():
     ends = np.full(2, -9.0), np.full(2, 9.0)
     dx, _, _ = quadratic.solve_in_box(np.eye(2, dtype=np.float32), np.array([np.nan, 1.0]), *ends)
     assert not np.isfinite(dx).all()
-
-
-@pytest.mark.parametrize("n", [1, 2, 5, 17, 130])
-def test_the_diagonal_of_an_inverse(n):
-    s = definite(np.random.default_rng(5), n)
-    found = quadratic.inverse(s, np.ones(n, bool)).diagonal()
-    np.testing.assert_allclose(found, np.linalg.inv(s.astype(float)).diagonal(), rtol=1e-3)
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 5), (5, 1), (3, 2), (16, 16)], ids=str)

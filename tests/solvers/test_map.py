@@ -40,11 +40,10 @@ def test_unread_cells_of_a_large_skin_under_a_load_on_all_of_it(seed):
 
 
 def test_steps_under_a_load_on_all_cells_do_not_alternate_between_two_pictures():
-    """Where one cost more than the last, the next led back, until no step was left."""
     rng, circuit = np.random.default_rng(7), Circuit(readout="grounded")
-    frames = [scan(force, rng, circuit) for force in scenes.sample("random", 12, 16, 16, rng)]
-    found = [compensate(adc, circuit, CURVE, "map", noise=SCAN_NOISE) for adc in frames]
-    assert max(estimate.iterations for estimate in found) <= map_solver.MAX_STEPS // 2
+    for force in scenes.sample("random", 3, 16, 16, rng):
+        found = compensate(scan(force, rng, circuit), circuit, CURVE, "map", noise=SCAN_NOISE)
+        assert found.iterations <= map_solver.MAX_STEPS // 2
 
 
 @pytest.mark.parametrize("holes", [0.0, 0.25])
