@@ -10,6 +10,7 @@ from . import compiled
 from .arrays import Bools, Floats, Floats32
 
 _BOX_ROUNDS = 8
+_FEW = 100  # unknowns up to which a compiled factor is faster than LAPACK's
 _RIDGES = 1e-3, 1e-2, 1e-1, 1.0
 
 
@@ -29,16 +30,19 @@ def solve_in_box(
     Returns:
         dx, whether there is one, which unknowns are inside.
     """
-    if (found := compiled.solve_in_box(precision, b, low, high)) is not None:
-        return found
     inside = base = np.ones(b.size, bool)  # base: what the factor is over
-    dx, kept, factor = np.zeros(b.size), np.arange(b.size), None
+    factor = factor_over(precision, base) if b.size > _FEW else None
+    if (found := compiled.solve_in_box(precision, factor, b, low, high)) is not None:
+        return found
+    dx, kept = np.zeros(b.size), np.arange(b.size)
     for rounds in range(_BOX_ROUNDS):
         (held,) = (~inside[kept]).nonzero()
-        if factor is None or (inside & ~base).any() or 4 * held.size > kept.size:
+        again = factor is None or (inside & ~base).any() or 4 * held.size > kept.size
+        factor = factor_over(precision, inside) if again else factor
+        if factor is None:
+            return np.zeros(b.size), False, inside
+        if again or rounds == 0:
             base, held, (kept,) = inside, held[:0], inside.nonzero()
-            if (factor := factor_over(precision, base)) is None:
-                return np.zeros(b.size), False, inside
             pull = b - blas.ssymv(1.0, precision.T, np.where(base, 0.0, dx), lower=1)
             half = blas.strsv(factor.T, pull[kept], lower=1)
         right, ends = half, dx[kept[held]]
@@ -46,7 +50,7 @@ def solve_in_box(
             unit = np.zeros((held.size, kept.size), np.float32)
             unit[np.arange(held.size), held] = 1.0
             moved = lapack.strtrs(factor.T, unit.T, lower=1, overwrite_b=1)[0]
-            right = half + moved @ np.linalg.solve(moved.T @ moved, ends - half @ moved)
+            right = half + moved @ lapack.sposv(moved.T @ moved, ends - half @ moved)[1]
         dx[kept] = blas.strsv(factor.T, right, lower=1, trans=1)
         dx[kept[held]] = ends
         left = _inside_next(precision, b, low, high, dx, inside)

@@ -54,7 +54,7 @@ class _Out:
 
 
 _reals, _singles, _ints = _Array(np.float64), _Array(np.float32), _Array(np.int32)
-_reals_or_none = _Array(np.float64, optional=True)
+_reals_or_none, _singles_or_none = (_Array(kind, True) for kind in (np.float64, np.float32))
 _int, _real = ctypes.c_int, ctypes.c_double
 _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "connected_rho": (_int, _int, _reals, _Out),
@@ -63,7 +63,7 @@ _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "sensitivity": (_int, _int, _reals, _reals, _int, _ints, _int, _ints, _ints, _Out),
     "touches": (_int, _int, _reals, _reals, _real, *3 * [_Out]),
     "add_terms": (_int, _int, _int, _ints, _reals, _reals_or_none, _Out),
-    "solve_in_box": (_int, _singles, *3 * [_reals], *2 * [_Out]),
+    "solve_in_box": (_int, _singles, _singles_or_none, *3 * [_reals], *2 * [_Out]),
     "fixed_point": (_int, _int, _Out, _int, _ints, *3 * [_reals], *3 * [_real], _int),
 }
 
@@ -195,14 +195,14 @@ def add_terms(
 
 
 def solve_in_box(
-    precision: Floats32, b: Floats, low: Floats, high: Floats
+    precision: Floats32, factor: Floats32 | None, b: Floats, low: Floats, high: Floats
 ) -> tuple[Floats, bool, Bools] | None:
-    """As quadratic.solve_in_box."""
+    """As quadratic.solve_in_box; factor: over all unknowns, where it is known."""
     n = b.size
     if library is None or n > _UNKNOWNS or not len(precision) == n == low.size == high.size:
         return None
     dx, inside = np.zeros(n), np.empty(n, np.int32)
-    failed = library.solve_in_box(n, precision, b, low, high, dx, inside) < 0
+    failed = library.solve_in_box(n, precision, factor, b, low, high, dx, inside) < 0
     return None if failed else (dx, True, inside.astype(bool))
 
 

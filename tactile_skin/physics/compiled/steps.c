@@ -97,32 +97,14 @@ int add_terms(int rows, int cols, int n, const int *at, const double *diagonal,
     return 0;
 }
 
-/* Two rows of M = U^T U, n numbers of each, without what the i rows of U above them leave. */
-static void reduce(float *restrict out, int m, const float *restrict above, int i, int n)
-{
-    float *restrict next = out + m;
-
-    for (int j = 0; j + 4 <= i; j += 4, above += 4 * m) {
-        const float *p = above, *q = p + m, *r = q + m, *s = r + m;
-        const float a = p[0], b = q[0], c = r[0], d = s[0], e = p[1], f = q[1], g = r[1], h = s[1];
-        for (int k = 0; k < n; k++) {
-            out[k] -= (a * p[k] + b * q[k]) + (c * r[k] + d * s[k]);
-            next[k] -= (e * p[k] + f * q[k]) + (g * r[k] + h * s[k]);
-        }
-    }
-}
-
 /* M = U^T U, U in the upper triangle; -1 if M is not positive definite, or holds NaN. */
 static int cholesky(int m, float *matrix, float *factors)
 {
     for (int i = 0; i < m; i++) {
         float *row = matrix + i * m;
-        int done = i % 2 || i + 1 < m ? i / 4 * 4 : 0;
-        if (i % 2 == 0 && done)
-            reduce(row + i, m, matrix + i, i, m - i);
-        for (int j = done; j < i; j++)
+        for (int j = 0; j < i; j++)
             factors[j] = -matrix[j * m + i];
-        combine(row + i, m - i, factors + done, matrix + done * m + i, m, i - done);
+        combine(row + i, m - i, factors, matrix + i, m, i);
         if (!(row[i] > 0.0f) || !(row[i] < INFINITY))
             return -1;
         float scale = 1.0f / sqrtf(row[i]);
@@ -193,22 +175,23 @@ static int choose(int n, const float *precision, const double *b, const double *
     return changed ? left : -1;
 }
 
-/* quadratic.solve_in_box: fills dx (zeros before), and which unknowns stayed inside. Returns their
- * number; -1: there is no factor. */
-int solve_in_box(int n, const float *precision, const double *b, const double *low,
-                 const double *high, double *dx, int *inside)
+/* quadratic.solve_in_box: fills dx (zeros before), and which unknowns stayed inside. first: NULL, or
+ * the factor over all. Returns the number that the last factor is over; -1: there is none. */
+int solve_in_box(int n, const float *precision, const float *first, const double *b,
+                 const double *low, const double *high, double *dx, int *inside)
 {
     /* kept: the m unknowns that the factor is over; at: their places, from 1; held: h of them */
     int *kept = calloc(5 * n + 1, sizeof *kept), *at = kept + n, *held = at + n;
     int *next = held + n, *then = next + n, m = 0;
     size_t most = n / FEW_HELD + 1;
-    float *factor = malloc((n * (n + 3) + most * (n + most)) * sizeof *factor);
-    float *x = factor + n * n, *half = x + n, *factors = half + n, *moved = factors + n;
+    float *own = malloc((n * (n + 3) + most * (n + most)) * sizeof *own);
+    float *x = own + n * n, *half = x + n, *factors = half + n, *moved = factors + n;
     float *between = moved + most * n;
+    const float *factor = own;
 
     for (int k = 0; k < n; k++)
         inside[k] = 1;
-    for (int round = 1; kept && factor; round++) {
+    for (int round = 1; kept && own; round++) {
         int h = 0, joins = m == 0;
         for (int k = 0; k < n; k++) {
             joins |= inside[k] && !at[k];
@@ -224,12 +207,13 @@ int solve_in_box(int n, const float *precision, const double *b, const double *l
                     kept[m++] = k;
                 }
             }
+            factor = m == n && first ? first : own;
             for (int i = 0; i < m; i++) {
-                for (int j = i; j < m; j++)
-                    factor[i * m + j] = precision[kept[i] * n + kept[j]];
+                for (int j = i; j < m && factor == own; j++)
+                    own[i * m + j] = precision[kept[i] * n + kept[j]];
                 half[i] = (float)(m < n ? pull(n, precision, b, dx, kept[i]) : b[kept[i]]);
             }
-            if (cholesky(m, factor, factors) < 0) {
+            if (factor == own && cholesky(m, own, factors) < 0) {
                 m = -1;
                 break;
             }
@@ -275,8 +259,8 @@ int solve_in_box(int n, const float *precision, const double *b, const double *l
         }
         memcpy(inside, next, n * sizeof *inside);
     }
-    m = kept && factor ? m : -1;
+    m = kept && own ? m : -1;
     free(kept);
-    free(factor);
+    free(own);
     return m;
 }
