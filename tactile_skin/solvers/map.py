@@ -65,8 +65,8 @@ def map_estimate(reading: Reading, start: Estimate | None = None) -> Estimate:
     if same is not None:
         return same
     warm = warm and not reading.may_fit_two
-    # A contact is bad for many frames: no start explains them, and the fit without one counts.
-    bad = warm and start is not None and start.aside is not None
+    # What spoils a frame, as a bad contact, spoils many: the fit without a start then counts.
+    bad = warm and start is not None and (start.aside is not None or start.status == "suspect")
     fit = _fit(reading, first_guess(reading)) if bad or not warm else None
     if fit is None or (bad and fit.status != "suspect"):
         cold, fit = fit, _fit(reading, g, warm=True)
