@@ -12,30 +12,17 @@ def definite(rng, n: int) -> np.ndarray:
     return (a @ a.T / n + 0.1 * np.eye(n)).astype(np.float32)
 
 
-@pytest.mark.parametrize("n", [1, 2, 5, 17, 130])
-def test_a_step_is_the_minimum_of_those_inside_and_lies_within_its_box(n):
-    rng, met = np.random.default_rng(5), 0
-    for _ in range(10):
-        s, b = definite(rng, n), rng.normal(size=n)
-        low, high = -rng.exponential(1.0, n), rng.exponential(1.0, n)
-        dx, solved, inside = quadratic.solve_in_box(np.triu(s), b, low, high)
-        assert solved and ((dx >= low) & (dx <= high)).all()
-        found, there = quadratic.inverse(np.triu(s), inside), s[np.ix_(inside, inside)]
-        np.testing.assert_allclose(np.triu(found), np.triu(np.linalg.inv(there)), 1e-3, 1e-3)
-        met += (~inside).sum()
-        if inside.all() and ((dx > low) & (dx < high)).all():
-            np.testing.assert_allclose(s @ dx, b, rtol=1e-3, atol=1e-3)
-    assert met or n == 1  # a single unknown that leaves the box is put on its end
-
-
-@pytest.mark.parametrize("n", [2, 5, 17, 60, 130])
+@pytest.mark.parametrize("n", [1, 2, 5, 17, 60, 130])
 def test_a_step_is_the_minimum_within_its_box(n):
     """The gradient vanishes inside and points outwards on the ends (Karush, Kuhn and Tucker)."""
     rng = np.random.default_rng(6)
     for _ in range(20):
         s, b = definite(rng, n), 3.0 * rng.normal(size=n)
         low, high = -rng.exponential(1.0, n), rng.exponential(1.0, n)
-        dx = quadratic.solve_in_box(np.triu(s), b, low, high)[0]
+        dx, solved, inside = quadratic.solve_in_box(np.triu(s), b, low, high)
+        assert solved and ((dx >= low) & (dx <= high)).all()
+        found, there = quadratic.inverse(np.triu(s), inside), s[np.ix_(inside, inside)]
+        np.testing.assert_allclose(np.triu(found), np.triu(np.linalg.inv(there)), 1e-3, 1e-3)
         pull = b - s @ dx
         assert (pull[dx > low] > -1e-3).all()
         assert (pull[dx < high] < 1e-3).all()
