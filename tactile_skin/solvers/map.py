@@ -40,7 +40,8 @@ _DENSE = 600  # unknowns up to which a Cholesky factor is faster than conjugate 
 # none of its own: the readings of others determine it.
 _LEAST_CURVATURE = 1.0
 # Last costs, of which a step must not exceed the largest: a bound met costs at first. Of a load on
-# the whole skin the last one counts, or steps that are too long alternate between two pictures.
+# the whole skin the last one counts, or steps that are too long alternate between two pictures; but
+# not where two may fit, since the way from the hardest one leads over higher costs.
 _MEMORY = 4
 _UNCHANGED = 2.2  # standard deviations of chi^2 up to which a frame is that of the same load
 _ANOTHER = 1.3  # times the force of a lighter picture from which on a heavier one is another
@@ -203,7 +204,8 @@ def _converge(
     costs = [point.cost]
     iterations, settled = 0, False
     shares = reading.circuit.readout_class.shares_sum
-    least, memory = _SETTLED_SUM if shares else _SETTLED, 1 if broad else _MEMORY
+    least = _SETTLED_SUM if shares else _SETTLED
+    memory = 1 if broad and not reading.may_fit_two else _MEMORY
     while iterations < MAX_STEPS:
         iterations += 1
         step = _gauss_newton(reading, point)
