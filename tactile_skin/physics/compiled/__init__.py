@@ -22,7 +22,6 @@ import numpy.typing as npt
 from ..arrays import Bools, Floats, Floats32, Ints
 
 LINES = 64  # rows + cols up to which the loops are faster than NumPy's BLAS
-_UNKNOWNS = 256  # of a programme within bounds, the same
 _SHORT = 10  # steps of the fixed point, which take 1 ms on the largest skin
 SOURCES = sorted(Path(__file__).parent.glob("*.c"))
 _View = ctypes.c_char * 0  # of an array's memory, which it keeps
@@ -199,7 +198,7 @@ def solve_in_box(
 ) -> tuple[Floats, bool, Bools] | None:
     """As quadratic.solve_in_box; factor: over all unknowns, where it is known."""
     n = b.size
-    if library is None or n > _UNKNOWNS or not len(precision) == n == low.size == high.size:
+    if library is None or n > 4 * LINES or not len(precision) == n == low.size == high.size:
         return None
     dx, inside = np.zeros(n), np.empty(n, np.int32)
     failed = library.solve_in_box(n, precision, factor, b, low, high, dx, inside) < 0
