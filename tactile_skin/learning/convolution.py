@@ -6,8 +6,6 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ..physics import compiled
-
 _SIDE = 3  # cells of a filter
 
 
@@ -31,8 +29,6 @@ def convolve(
         layer: (outputs, 9 * channels + 1), see `layer_of`.
         dilation: cells from one tap to the next.
     """
-    if (found := compiled.convolve(picture, layer, dilation)) is not None:
-        return found
     channels, rows, cols = picture.shape
     wide = cols + 2 * dilation
     # one row more: the last taps reach past the last cell, and what they see there is cut off

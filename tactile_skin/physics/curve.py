@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from ..errors import FileError
 from ..files import shorten
-from . import compiled
 from .arrays import Floats, frozen
 
 GRAM = 9.80665e-3  # N: weight of one gram; the paper and its figures speak in grams a cell
@@ -20,29 +19,6 @@ GRAM = 9.80665e-3  # N: weight of one gram; the paper and its figures speak in g
 # 10 kohm at rest, below 100 ohm pressed, loads up to 1 kg a cell.
 _DEFAULT_LOAD = np.array([0, 5, 10, 20, 50, 100, 200, 500, 1000]) * GRAM  # N
 _DEFAULT_RESISTANCE = (40000, 12000, 6500, 3500, 1500, 800, 420, 170, 85)  # ohm
-
-
-class Table:
-    """A function that is linear between points, as `np.interp`, which takes three times as long.
-
-    Args:
-        points: (n,) where it is known, rising, not all alike.
-        values: (n,) there; before the first point and after the last the function stays.
-    """
-
-    def __init__(self, points: Floats, values: Floats) -> None:
-        self._points, self._values = points, values
-        parts = np.linspace(points[0], points[-1], points.size)[:-1]
-        start = np.searchsorted(points, parts, "right") - 1
-        self._start = np.clip(start, 0, points.size - 2).astype(np.int32)
-
-    def __call__(self, x: float | Floats) -> Floats:
-        """Return the values at x, of any shape."""
-        if isinstance(x, np.ndarray):
-            found = compiled.interpolate(x, self._points, self._values, self._start)
-            if found is not None:
-                return found
-        return np.asarray(np.interp(x, self._points, self._values))
 
 
 def _pchip(x: Floats, y: Floats, at: Floats) -> Floats:
@@ -123,8 +99,6 @@ class PressureCurve:
                 f"curve: force = {force.tolist()} N, resistance = {resistance.tolist()} ohm: "
                 "points too close to one another"
             )
-        self._log_g_of = Table(self._root, self._log_g)
-        self._root_of = Table(self._log_g, self._root)
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> PressureCurve:
@@ -230,7 +204,7 @@ class PressureCurve:
     def resistance(self, force: float | Floats) -> Floats:
         """Force on a cell [N] -> its resistance [ohm]; arrays; clipped to the curve."""
         root = np.sqrt(np.maximum(force, 0.0) / self._gain_of(force))
-        resistance: Floats = np.exp(-self._log_g_of(root))
+        resistance: Floats = np.exp(-np.interp(root, self._root, self._log_g))
         return resistance if self.offset is None else 1.0 / (1.0 / resistance + self.offset)
 
     def force(self, resistance: float | Floats) -> Floats:
@@ -246,7 +220,7 @@ class PressureCurve:
         if self.offset is not None:
             with np.errstate(divide="ignore"):
                 log_g = np.log(np.maximum(np.exp(log_g) - self.offset, 0.0))
-        root: Floats = self._root_of(log_g)
+        root: Floats = np.interp(log_g, self._log_g, self._root)
         return np.square(root) * self._gain_of(log_g)
 
     def slope(self, force: float | Floats) -> Floats:

@@ -29,8 +29,7 @@ _LEAST_EIGENVALUE = 1e-15  # of the largest: below it the rounding of doubles is
 class Network(NamedTuple):
     """All that follows from the conductances of one frame."""
 
-    # (lines, lines) W with K = W W^T [sqrt(ohm)]; det W is the product of its diagonal
-    root: Floats
+    log_det: float  # of K
     k: Floats  # (lines, lines) K = [[A, C], [C^T, D]] [ohm]
     rho: Floats  # (rows, cols) two-terminal resistances [ohm]
 
@@ -40,15 +39,18 @@ def solve(g: Floats) -> Network:
     if (found := compiled.solve(g)) is not None:
         return Network(*found)
     rows, cols = g.shape
+    if rows > cols:  # eliminate the longer side: the inverse stays small
+        log_det, k, rho = solve(g.T)
+        return Network(log_det, np.roll(k, (rows, rows), (0, 1)), rho.T)
     lines = rows + cols
     reduced, scaled, col_sum = _reduced_root(g)
     root = np.zeros((lines, lines))
     root[:rows, :rows] = reduced
     np.matmul(scaled.T, reduced, out=root[rows:, :rows])
     root.reshape(-1)[rows * (lines + 1) :: lines + 1] = col_sum**-0.5
-    k = root @ root.T
+    k, log_det = root @ root.T, 2.0 * float(np.log(np.abs(root.diagonal())).sum())
     diagonal = k.diagonal()
-    return Network(root, k, _two_point(diagonal[:rows], k[:rows, rows:], diagonal[rows:]))
+    return Network(log_det, k, _two_point(diagonal[:rows], k[:rows, rows:], diagonal[rows:]))
 
 
 def connected_rho(g: Floats) -> Floats:
@@ -62,7 +64,7 @@ def connected_rho(g: Floats) -> Floats:
     """
     if (found := compiled.connected_rho(g)) is not None:
         return found
-    if g.shape[0] > g.shape[1]:  # eliminate the longer side: the inverse stays small
+    if g.shape[0] > g.shape[1]:
         return connected_rho(g.T).T
     root, scaled, col_sum = _reduced_root(g)
     a = root @ root.T
@@ -167,7 +169,7 @@ def hessian_product(k: Floats, p: Floats) -> Floats:
     ones = np.ones(max(p.shape))
     sums = np.concatenate([p @ ones[:cols], ones[:rows] @ p])
     weighted -= k * sums[:, None]  # - L(p) K
-    own = np.einsum("ij,ji->i", k, weighted)  # the diagonal of - K L(p) K
+    own = np.einsum("ij,ij->j", k, weighted)  # the diagonal of - K L(p) K, of which K is symmetric
     return -_two_point(own[:rows], k[:rows] @ weighted[:, rows:], own[rows:])
 
 
@@ -181,17 +183,21 @@ def hessian_solver(
     Args:
         target: of `conjugate_gradients`.
     """
-    picture, near = np.zeros(g.shape), near_hessian(network.rho, g, cells)
+    near, right, moves = near_hessian(network.rho, g, cells), np.zeros(g.shape), np.zeros(g.shape)
+    moves.flat[cells] = 1.0
 
-    def product(p: Floats) -> Floats:
-        picture.flat[cells] = p
-        return hessian_product(network.k, picture).flat[cells]
+    def solve(b: Floats) -> Floats:
+        right.flat[cells] = b
+        found = conjugate_gradients(
+            lambda p: hessian_product(network.k, p) * moves, near, right, target
+        )
+        return found.flat[cells]
 
-    return lambda b: conjugate_gradients(product, near, b, target)
+    return solve
 
 
 def near_hessian(rho: Floats, g: Floats, cells: Ints) -> Callable[[Floats], Floats]:
-    """Return b -> x with t_ab^2 x_b about b_a, over some cells: a preconditioner of its system.
+    """Return b -> x, (rows, cols), with t_ab^2 x_b about b_a over some cells: a preconditioner.
 
     Two cells of a line share about its resistance to all other lines, others nothing, so that
     the matrix is a diagonal and a constant for each line (Woodbury).
@@ -209,14 +215,14 @@ def near_hessian(rho: Floats, g: Floats, cells: Ints) -> Callable[[Floats], Floa
     between = np.diag(np.concatenate([weight.sum(1) + 1.0 / of_row, weight.sum(0) + 1.0 / of_col]))
     between[:rows, rows:], between[rows:, :rows] = weight, weight.T
     factor = lapack.dpotrf(between)[0]
-    picture = np.zeros(g.shape)
+    ones = np.ones(max(g.shape))
 
     def near(b: Floats) -> Floats:
-        picture.flat[cells] = b
-        x = picture * weight
-        shared = lapack.dpotrs(factor, np.concatenate([x.sum(1), x.sum(0)]))[0]
-        x -= weight * (shared[:rows, None] + shared[rows:])
-        return x.flat[cells]
+        x = b * weight
+        sums = np.concatenate([x @ ones[: g.shape[1]], ones[:rows] @ x])
+        shared = lapack.dpotrs(factor, sums)[0]
+        x -= weight * np.add.outer(shared[:rows], shared[rows:])
+        return x
 
     return near
 
@@ -252,22 +258,22 @@ def conjugate_gradients(
 ) -> Floats:
     """Solve A x = b, A symmetric and positive definite, until the residual falls by `target`.
 
-    `product` is A times a vector (n,); `near`, the preconditioner, about A^-1 times it.
+    `product` is A times a vector, of any shape; `near`, the preconditioner, about A^-1 times it.
     """
-    x = np.zeros(b.size)
+    x = np.zeros(b.shape)
     residual = b.copy()
     z = near(residual)
     p = z.copy()
-    size = residual @ z
+    size = np.vdot(residual, z)
     goal = size * target**2
     for _ in range(_STEPS):
         if size <= goal:
             break
         a_p = product(p)
-        alpha = size / (p @ a_p)
+        alpha = size / np.vdot(p, a_p)
         x += alpha * p
         residual -= alpha * a_p
         z = near(residual)
-        size, last = residual @ z, size
+        size, last = np.vdot(residual, z), size
         p = z + (size / last) * p
     return x

@@ -10,12 +10,13 @@ from . import compiled
 from .arrays import Bools, Floats, Floats32
 
 _BOX_ROUNDS = 8
+_FEW = 100  # unknowns up to which a compiled factor is faster than LAPACK's
 _RIDGES = 1e-3, 1e-2, 1e-1, 1.0
 
 
 def solve_in_box(
     precision: Floats32, b: Floats, low: Floats, high: Floats
-) -> tuple[Floats, Floats32 | None, Bools]:
+) -> tuple[Floats, bool, Bools]:
     """Minimise 1/2 dx precision dx - b dx within [low, high], by a primal-dual active set method.
 
     What leaves its bounds is put on that end and the others are solved again, and what would leave
@@ -27,25 +28,31 @@ def solve_in_box(
         precision: (n, n), upper triangle.
 
     Returns:
-        dx, the Cholesky factor over the unknowns inside (None: there is none), which those are.
+        dx, whether there is one, which unknowns are inside.
     """
-    if (found := compiled.solve_in_box(precision, b, low, high)) is not None:
+    inside = base = np.ones(b.size, bool)  # base: what the factor is over
+    factor = factor_over(precision, base) if b.size > _FEW else None
+    if (found := compiled.solve_in_box(precision, factor, b, low, high)) is not None:
         return found
-    inside = np.ones(b.size, bool)
-    dx = np.zeros(b.size)
-    matrix, pull = precision, b
+    dx, kept = np.zeros(b.size), np.arange(b.size)
     for rounds in range(_BOX_ROUNDS):
-        # Transposed, LAPACK reads it as it lies in memory.
-        factor, info = lapack.spotrf(matrix.T, lower=1, clean=0)
-        for ridge in _RIDGES if info else ():  # not positive definite to single precision
-            matrix = matrix.copy()
-            matrix.reshape(-1)[:: matrix.shape[0] + 1] *= 1.0 + ridge
-            factor, info = lapack.spotrf(matrix.T, lower=1, clean=0)
-            if not info:
-                break
-        if info:  # not even so: numbers beyond single precision
-            return np.zeros(b.size), None, inside
-        dx[inside] = lapack.spotrs(factor, pull, lower=1)[0]
+        (held,) = (~inside[kept]).nonzero()
+        again = factor is None or (inside & ~base).any() or 4 * held.size > kept.size
+        factor = factor_over(precision, inside) if again else factor
+        if factor is None:
+            return np.zeros(b.size), False, inside
+        if again or rounds == 0:
+            base, held, (kept,) = inside, held[:0], inside.nonzero()
+            pull = b - blas.ssymv(1.0, precision.T, np.where(base, 0.0, dx), lower=1)
+            half = blas.strsv(factor.T, pull[kept], lower=1)
+        right, ends = half, dx[kept[held]]
+        if held.size:  # what holds them moves the others: cheaper than another factor
+            unit = np.zeros((held.size, kept.size), np.float32)
+            unit[np.arange(held.size), held] = 1.0
+            moved = lapack.strtrs(factor.T, unit.T, lower=1, overwrite_b=1)[0]
+            right = half + moved @ lapack.sposv(moved.T @ moved, ends - half @ moved)[1]
+        dx[kept] = blas.strsv(factor.T, right, lower=1, trans=1)
+        dx[kept[held]] = ends
         left = _inside_next(precision, b, low, high, dx, inside)
         dx = np.minimum(np.maximum(dx, low), high)
         if not left.any():  # all would be on their ends
@@ -53,10 +60,23 @@ def solve_in_box(
         if rounds + 1 == _BOX_ROUNDS or (left == inside).all() or not left.any():
             break
         inside = left
-        pull = (b - blas.ssymv(1.0, precision.T, np.where(inside, 0.0, dx), lower=1))[inside]
-        kept = np.flatnonzero(inside)
+    return dx, True, inside
+
+
+def factor_over(precision: Floats32, inside: Bools) -> Floats32 | None:
+    """Return U of U^T U = precision (n, n) over some of its unknowns; None: there is none."""
+    matrix, (kept,) = precision, inside.nonzero()
+    if kept.size < inside.size:
         matrix = precision.take(kept, 0).take(kept, 1)  # upper triangle, as precision's
-    return dx, factor.T, inside
+    # Transposed, LAPACK reads it as it lies in memory.
+    factor, info = lapack.spotrf(matrix.T, lower=1, clean=0)
+    for ridge in _RIDGES if info else ():  # not positive definite to single precision
+        matrix = matrix.copy()
+        matrix.reshape(-1)[:: len(matrix) + 1] *= 1.0 + ridge
+        factor, info = lapack.spotrf(matrix.T, lower=1, clean=0)
+        if not info:
+            break
+    return None if info else factor.T  # None: numbers beyond single precision
 
 
 def _inside_next(
@@ -70,8 +90,10 @@ def _inside_next(
     return left
 
 
-def inverse(factor: Floats32) -> Floats32:
-    """Return (U^T U)^-1 of U (n, n), upper triangle."""
+def inverse(precision: Floats32, inside: Bools) -> Floats32:
+    """Return the inverse of a precision over some of its unknowns, upper triangle of both."""
+    if (factor := factor_over(precision, inside)) is None:
+        return np.diag(1.0 / precision.diagonal()[inside])
     lower: Floats32 = lapack.spotri(factor.T, lower=1)[0]
     return lower.T
 

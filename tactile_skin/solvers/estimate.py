@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.linalg import solve_triangular
+from scipy.linalg import lapack
 
 from ..findings.finding import Finding
 from ..physics.circuit import Circuit
@@ -142,32 +142,34 @@ def where_unread(reading, model, force: np.ndarray, std: np.ndarray, equations=N
         taken = model.jacobian(readings, touched).astype(float) * g.flat[touched]
     # their log g is known to 1; and what rounding may take of a large sum is given back
     more = 1.0 + taken.shape[1] * np.finfo(float).eps * np.square(taken).sum()
-    factor = np.linalg.cholesky(taken.T @ taken + more * np.eye(taken.shape[1]))
+    known = taken.T @ taken + more * np.eye(taken.shape[1])
+    factor = lapack.dpotrf(known.T, lower=1, clean=0, overwrite_a=1)[0]
 
     def chi2(left: np.ndarray) -> np.ndarray:
-        absorbed = solve_triangular(factor, taken.T @ left, lower=True, check_finite=False)
+        absorbed = taken.T @ left
+        if absorbed.size:
+            absorbed = lapack.dtrtrs(factor, absorbed, lower=1)[0]
         return np.square(left).sum(0) - np.square(absorbed).sum(0)
 
     low, high = reading.bounds
     end = np.where(g < np.sqrt(low * high), high, low)
-    there = np.empty((readings.size, cells.size))  # what changes with each cell at its end
+    slopes = model.jacobian(readings, cells) * (end - g).flat[cells]
+    log_g = np.linspace(np.log(low), np.log(high), _TRIED)
+    parts = ((np.exp(log_g) - g) / (end - g)).reshape(_TRIED, -1)[:, cells]
+    offs = np.abs(curve.force_at(log_g) - force).reshape(_TRIED, -1)[:, cells]
+    misfit = model.misfit.flat[readings][:, None]
+    before, least = chi2(misfit), np.zeros(cells.size)
     for k, cell in enumerate(cells):
         other = g.copy()
         other.flat[cell] = end.flat[cell]
-        there[:, k] = ((reading.model(other) - model.adc) * model.weight).flat[readings]
-    slopes = model.jacobian(readings, cells) * (end - g).flat[cells]
-    # 1 + t d of a change of d, t >= 0; not where there is nothing but rounding
-    bend = np.divide(slopes, there, out=np.ones_like(there), where=np.abs(there) > _ROUNDING)
-    up = (end > g).flat[cells]
-    bend = np.clip(bend, np.where(up, 1.0, _ROUNDING), np.where(up, np.inf, 1.0))
-    misfit = model.misfit.flat[readings][:, None]
-    before, least = chi2(misfit), np.zeros(cells.size)
-    for log_g in np.linspace(np.log(low), np.log(high), _TRIED):
-        part = ((np.exp(log_g) - g) / (end - g)).flat[cells]
-        change = there * bend * part / (1.0 + (bend - 1.0) * part)
+        there = ((reading.model(other) - model.adc) * model.weight).flat[readings]  # at its end
+        # 1 + t d of a change of d, t >= 0; not where there is nothing but rounding
+        bend = np.divide(slopes[:, k], there, out=np.ones(there.size), where=abs(there) > _ROUNDING)
+        up = end.flat[cell] > g.flat[cell]
+        bend = np.clip(bend, 1.0 if up else _ROUNDING, np.inf if up else 1.0)[:, None]
+        change = there[:, None] * bend * parts[:, k] / (1.0 + (bend - 1.0) * parts[:, k])
         times = np.sqrt(np.maximum(chi2(misfit - change) - before, 1.0))
-        off = np.abs(curve.force_at(log_g) - force).flat[cells]
-        least = np.where(times < _FAR, np.maximum(least, off / times), least)
+        least[k] = np.max(offs[:, k] / times, where=times < _FAR, initial=0.0)
     full = curve.max_force
     any_force = np.sqrt(((full - force) ** 3 + force**3) / (3.0 * full))
     std = std.copy()

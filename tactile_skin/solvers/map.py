@@ -39,7 +39,10 @@ _DENSE = 600  # unknowns up to which a Cholesky factor is faster than conjugate 
 # Of x that such gradients suppose of a cell at least: one that was not read and bears nothing has
 # none of its own: the readings of others determine it.
 _LEAST_CURVATURE = 1.0
-_MEMORY = 4  # last costs, of which a step must not exceed the largest: a bound met costs at first
+# Last costs, of which a step must not exceed the largest: a bound met costs at first. Of a load on
+# the whole skin the last one counts, or steps that are too long alternate between two pictures; but
+# not where two may fit, since the way from the hardest one leads over higher costs.
+_MEMORY = 4
 _UNCHANGED = 2.2  # standard deviations of chi^2 up to which a frame is that of the same load
 _ANOTHER = 1.3  # times the force of a lighter picture from which on a heavier one is another
 _LIGHTEST = 0.5  # of its conductance at rest, that a cell keeps from which a cover lifts
@@ -62,12 +65,15 @@ def map_estimate(reading: Reading, start: Estimate | None = None) -> Estimate:
     same = None if start is None else _unchanged(reading, start, g)
     if same is not None:
         return same
-    if reading.may_fit_two:
-        g, warm = first_guess(reading), False
-    fit = _fit(reading, g, warm)
-    if warm and fit.status != "ok" and not reading.late():
-        again = _fit(reading, first_guess(reading))
-        fit = fit if again.status == "failed" else again
+    warm = warm and not reading.may_fit_two
+    # What spoils a frame, as a bad contact, spoils many: the fit without a start then counts.
+    bad = warm and start is not None and (start.aside is not None or start.status == "suspect")
+    fit = _fit(reading, first_guess(reading)) if bad or not warm else None
+    if fit is None or (bad and fit.status != "suspect"):
+        cold, fit = fit, _fit(reading, g, warm=True)
+        if fit.status != "ok" and (cold or not reading.late()):
+            cold = cold or _fit(reading, first_guess(reading))
+            fit = fit if cold.status == "failed" else cold
     # without cross-talk cells of any other circuit would fit as well
     if fit.status == "suspect" and reading.circuit.has_cross_talk and not reading.late():
         if not reading.noise_given:
@@ -184,8 +190,8 @@ def _is_lighter(reading: Reading, estimate: Estimate, finding: Finding) -> bool:
         data.reshape(-1)[:: free.size + 1] += 1.0  # a cell that its reading hardly tells stays
         pull = (g * model.network.pull(model.weight * model.misfit)).ravel()[free]
         least, most = _LIGHTEST * low / here - 1.0, high / here - 1.0
-        dx, factor, _ = solve_in_box(data, pull, least, most)
-        if factor is None or not np.isfinite(dx).all():
+        dx, solved, _ = solve_in_box(data, pull, least, most)
+        if not solved or not np.isfinite(dx).all():
             return False
         g.flat[free] = here * (1.0 + dx)
     return suspect.by_residual(reading, reading.model(g), ROUNDING_NOISE) is None
@@ -199,12 +205,13 @@ def _converge(
     iterations, settled = 0, False
     shares = reading.circuit.readout_class.shares_sum
     least = _SETTLED_SUM if shares else _SETTLED
+    memory = 1 if broad and not reading.may_fit_two else _MEMORY
     while iterations < MAX_STEPS:
         iterations += 1
         step = _gauss_newton(reading, point)
         if not step.solved:
             break
-        point = _descend(reading, point, step, broad, max(costs[-_MEMORY:]))
+        point = _descend(reading, point, step, broad, max(costs[-memory:]))
         costs.append(point.cost)
         # What is left to gain is the error of the quadratic's prediction. A load on the whole skin
         # is tested by its cost, and is therefore fitted to the end.
@@ -279,11 +286,11 @@ def _gauss_newton(reading: Reading, point: Point) -> Step:
         return Step(free, dx, 0.5 * b @ dx, solved=solved)
     information = prior_terms.information(point.jacobian(free))
     precision = prior_terms.precision(information, point.prior, between, free)
-    dx, factor, inside = solve_in_box(precision, b, *point.ends(free))
+    dx, solved, inside = solve_in_box(precision, b, *point.ends(free))
     # The factor of a matrix with overflows is unusable, though LAPACK may return one.
-    if factor is None or not np.isfinite(precision.diagonal()).all() or not np.isfinite(dx).all():
+    if not solved or not np.isfinite(precision.diagonal()).all() or not np.isfinite(dx).all():
         return Step(free, dx, 0.0, solved=False)
-    equations = NormalEquations(free, inside, information, factor)
+    equations = NormalEquations(free, inside, information, precision)
     return Step(free, dx, float(0.5 * b @ dx), equations)
 
 

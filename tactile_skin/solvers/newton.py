@@ -164,8 +164,7 @@ def _height(reading: Reading, g: np.ndarray, network, gradient) -> float:
         apart = np.log(reading.rho_of(network) / reading.rho)[gradient != 0.0]
         return -float(apart @ apart)
     populated_rho = np.where(reading.circuit.populated, reading.rho, 0.0)
-    log_det = 2.0 * np.log(np.abs(network.inverse.root.diagonal())).sum()
-    return -log_det - np.log(g.sum()) - (populated_rho * g).sum()
+    return -network.inverse.log_det - np.log(g.sum()) - (populated_rho * g).sum()
 
 
 def _step_solver(reading: Reading, network, g: np.ndarray, free: np.ndarray):

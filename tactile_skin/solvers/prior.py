@@ -10,7 +10,6 @@ from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import blas
 
 from ..learning import denoiser
 from ..physics import compiled, quadratic
@@ -229,14 +228,11 @@ def _supposing(reading: Reading, model: Linearised) -> Linearised:
 
 
 class NormalEquations:
-    """The linear system of a fit's last step; x = log g of its unknowns, (n,) flat cells.
+    """The linear system of a fit's last step; x = log g of its unknowns, (n,) flat cells."""
 
-    factor: (n, n) U of U^T U = information + curvature of the prior.
-    """
-
-    def __init__(self, free: np.ndarray, inside: np.ndarray, information, factor):
-        self.unknowns, self.factor = free[inside], factor
-        self._inside, self._information = inside, information
+    def __init__(self, free: np.ndarray, inside: np.ndarray, information, precision):
+        self.unknowns, self._inside = free[inside], inside
+        self._information, self._precision = information, precision
 
     @cached_property
     def information(self) -> np.ndarray:
@@ -247,7 +243,7 @@ class NormalEquations:
     @cached_property
     def inverse(self) -> np.ndarray:
         """Return the unknowns' covariance (n, n), upper triangle."""
-        return inverse(self.factor)
+        return inverse(self._precision, self._inside)
 
     @property
     def covariance(self) -> np.ndarray:
@@ -263,8 +259,8 @@ class NormalEquations:
 
 
 def information(jacobian: np.ndarray) -> np.ndarray:
-    """(n, n) J^T J, upper triangle, of J (m, n)."""
-    return blas.ssyrk(1.0, jacobian.T, lower=1).T
+    """(n, n) J^T J of J (m, n)."""
+    return jacobian.T @ jacobian
 
 
 def precision(information, prior: Quadratic, between: Differences, free: np.ndarray):
@@ -324,14 +320,14 @@ def with_neighbours(
         terms = known(point.x, 1.0, mean, std, unknown)
         b = (point.pull - terms.gradient).ravel()[free]
         matrix = precision(data, terms, differences(reading.circuit), free)
-        dx, factor, inside = solve_in_box(matrix, b, *point.ends(free))
-        if factor is None or not np.isfinite(dx).all():
+        dx, solved, inside = solve_in_box(matrix, b, *point.ends(free))
+        if not solved or not np.isfinite(dx).all():
             return None
         g = point.stepped(free, dx)
         adc = reading.model(g)
         if np.square(reading.misfit(adc) / reading.fitted_noise).sum() <= limit:
             std_x = std_x.copy()
-            std_x.flat[free[inside]] = np.sqrt(inverse(factor).diagonal())
+            std_x.flat[free[inside]] = np.sqrt(inverse(matrix, inside).diagonal())
             return g, std_x, adc
         point = Point(reading, g, False)
         data = information(point.jacobian(free))

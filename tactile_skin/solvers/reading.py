@@ -89,6 +89,10 @@ class Reading:
         return self.all_read or bool((self.known | ~self.circuit.populated).all())
 
     @cached_property
+    def _any_topped(self) -> bool:
+        return bool(self.topped.any())
+
+    @cached_property
     def informative(self) -> np.ndarray:
         """(rows, cols) bool, readings that carry a value or a limit."""
         return self.known if self.all_read else self.known | self.capped | self.topped
@@ -186,7 +190,7 @@ class Reading:
         if self.threshold:
             over = np.minimum((self.threshold - adc) * full_scale - self.noise, 0.0)
             misfit = np.where(self.capped, over, misfit)
-        if not self.all_read and self.topped.any():
+        if self._any_topped:
             under = np.maximum((self.adc - adc) * full_scale + self.noise, 0.0)
             misfit = np.where(self.topped, under, misfit)
         return misfit
@@ -211,7 +215,8 @@ class Reading:
         misfit /= std
         weight = np.full(g.shape, self.circuit.full_scale / std)
         if not self.all_read:
-            weight *= self.known | (misfit != 0.0) | self._holds(network.adc)
+            says = self.known | (misfit != 0.0)
+            weight *= says | self._holds(network.adc) if self._any_topped else says
         return Linearised(g, network, network.adc, misfit, weight)
 
     def _holds(self, adc: np.ndarray) -> np.ndarray:
@@ -259,8 +264,10 @@ class Linearised(NamedTuple):
         Returns:
             the model with these weights, and (m,) int32 flat readings, those with a weight.
         """
-        square, kept = np.square(self.weight), []
         lines = np.divmod(cells, self.g.shape[1])
+        if all(np.bincount(on, None, n).all() for on, n in zip(lines, self.g.shape, strict=True)):
+            return self, np.flatnonzero(self.weight).astype(np.int32)
+        square, kept = np.square(self.weight), []
         for of_lines, touched in zip((square, square.T), lines, strict=True):
             alike = np.ones(len(of_lines), bool)
             alike[touched] = False

@@ -17,9 +17,7 @@ import numpy as np
 import pytest
 from support.implementations import COMPILED
 
-from tactile_skin.learning.convolution import convolve
 from tactile_skin.physics import compiled, kernel, laplacian, quadratic
-from tactile_skin.physics.curve import Table
 from tactile_skin.solvers import prior
 
 pytestmark = pytest.mark.skipif(COMPILED is None, reason="no compiler was found at installation")
@@ -205,7 +203,7 @@ def test_the_prior_is_numpys(rng, monkeypatch, shape):
 
 @pytest.mark.parametrize("wide", [0.02, 0.3, 10.0])
 def test_the_programme_within_bounds_is_lapacks(rng, monkeypatch, wide):
-    for n in (1, 7, 40, 100, 101):
+    for n in (1, 7, 40, 100, 201):
         root = rng.standard_normal((2 * n, n))
         precision = np.triu(root.T @ root + np.eye(n)).astype(np.float32)
         b = rng.standard_normal(n) * n
@@ -215,26 +213,6 @@ def test_the_programme_within_bounds_is_lapacks(rng, monkeypatch, wide):
         )
         np.testing.assert_allclose(found[0], plain[0], rtol=1e-3, atol=1e-4)
         np.testing.assert_array_equal(found[2], plain[2])
-        np.testing.assert_allclose(np.triu(found[1]), np.triu(plain[1]), rtol=1e-3, atol=1e-3)
-
-
-@pytest.mark.parametrize("dilation", [1, 2, 3])
-@pytest.mark.parametrize("shape", [(1, 1), (3, 2), (8, 8), (5, 40)], ids=str)
-def test_the_convolution_is_numpys(rng, monkeypatch, shape, dilation):
-    picture = rng.standard_normal((5, *shape)).astype(np.float32)
-    layer = rng.standard_normal((4, 46)).astype(np.float32)
-    found, plain = both(monkeypatch, lambda: convolve(picture, layer, dilation))
-    np.testing.assert_allclose(found, plain, rtol=1e-4, atol=1e-4)
-
-
-def test_the_table_is_numpys(rng, monkeypatch):
-    points = np.sort(np.concatenate([np.linspace(-1.0, 3.0, 50), rng.uniform(-1.0, 3.0, 30)]))
-    points[40:43] = points[40]  # a step
-    table = Table(points, np.sort(rng.random(80)))
-    x = np.concatenate([rng.uniform(-2.0, 4.0, 500), points, [-np.inf, np.inf, np.nan]])
-    x = np.delete(x, np.flatnonzero(x == points[40]))  # where either end of the step is right
-    found, plain = both(monkeypatch, lambda: table(x))
-    np.testing.assert_allclose(found, plain, rtol=1e-12, atol=1e-12)
 
 
 def test_what_lies_outside_of_its_arrays_is_left_to_numpy(rng):

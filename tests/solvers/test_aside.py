@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Readings that a bad contact explains are set aside, a few; a line that is open is not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support import troubled
@@ -9,6 +11,7 @@ from tactile_skin import Circuit, PressureCurve, compensate, forward
 from tactile_skin.physics.curve import GRAM
 from tactile_skin.simulation import scenes
 from tactile_skin.simulation.textile import Textile
+from tactile_skin.solvers import map as map_solver
 
 CIRCUIT, CURVE = Circuit(), PressureCurve()
 
@@ -46,6 +49,24 @@ def test_a_few_bad_contacts_do_not_spoil_the_picture(rng):
             assert found.force.sum() == pytest.approx(force.sum(), rel=0.05)
             good += 1
     assert good >= 36
+
+
+def test_a_contact_that_stays_bad_does_not_cost_a_fit_from_the_last_picture(rng, monkeypatch):
+    fit, force, warm = map_solver._fit, touch(rng), []
+    sound = read(rng, force)
+    adc, _ = lowered(rng, sound, force, 3)
+    last = compensate(adc, CIRCUIT, CURVE, noise=0.6)
+    doubted = replace(last, aside=None, status="suspect")
+
+    def counted(reading, *args, **given):
+        warm.append(reading.n_informative == 256 and (True in args[1:] or "warm" in given))
+        return fit(reading, *args, **given)
+
+    monkeypatch.setattr(map_solver, "_fit", counted)
+    adc += read(rng, 1.2 * force) - sound
+    for start in (last, doubted):
+        assert compensate(adc, CIRCUIT, CURVE, start=start, noise=0.6).aside.any()
+    assert not any(warm)
 
 
 def test_a_reading_that_is_far_off_takes_no_sound_one_with_it(rng):

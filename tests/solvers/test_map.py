@@ -39,6 +39,13 @@ def test_unread_cells_of_a_large_skin_under_a_load_on_all_of_it(seed):
     assert found.force.sum() == pytest.approx(force.sum(), rel=0.02)
 
 
+def test_steps_under_a_load_on_all_cells_do_not_alternate_between_two_pictures():
+    rng, circuit = np.random.default_rng(7), Circuit(readout="grounded")
+    for force in scenes.sample("random", 3, 16, 16, rng):
+        found = compensate(scan(force, rng, circuit), circuit, CURVE, "map", noise=SCAN_NOISE)
+        assert found.iterations <= map_solver.MAX_STEPS // 2
+
+
 @pytest.mark.parametrize("holes", [0.0, 0.25])
 def test_the_priors_gradient_is_that_of_its_value(holes):
     rng = np.random.default_rng(0)

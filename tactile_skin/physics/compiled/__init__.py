@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The inner loops of small skins, compiled (the C files here) where setup.py found a compiler.
 
-The modules that have the same in NumPy ask here first: laplacian.py, quadratic.py, kernel.py,
-curve.py, solvers/prior.py and learning/convolution.py. Each function returns None where NumPy has
+The modules that have the same in NumPy ask here first: laplacian.py, quadratic.py, kernel.py and
+solvers/prior.py. Each function returns None where NumPy has
 to do it: nothing is compiled, the skin is large, or the numbers are singular to rounding.
 Together they make frames at least 1.15 times faster (`python -m benchmarks.kernel`).
 """
@@ -22,8 +22,6 @@ import numpy.typing as npt
 from ..arrays import Bools, Floats, Floats32, Ints
 
 LINES = 64  # rows + cols up to which the loops are faster than NumPy's BLAS
-CELLS = LINES**2 // 4  # of such a skin at most
-_UNKNOWNS = 150  # of a programme within bounds, the same
 _SHORT = 10  # steps of the fixed point, which take 1 ms on the largest skin
 SOURCES = sorted(Path(__file__).parent.glob("*.c"))
 _View = ctypes.c_char * 0  # of an array's memory, which it keeps
@@ -55,7 +53,7 @@ class _Out:
 
 
 _reals, _singles, _ints = _Array(np.float64), _Array(np.float32), _Array(np.int32)
-_reals_or_none = _Array(np.float64, optional=True)
+_reals_or_none, _singles_or_none = (_Array(kind, True) for kind in (np.float64, np.float32))
 _int, _real = ctypes.c_int, ctypes.c_double
 _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "connected_rho": (_int, _int, _reals, _Out),
@@ -64,9 +62,7 @@ _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "sensitivity": (_int, _int, _reals, _reals, _int, _ints, _int, _ints, _ints, _Out),
     "touches": (_int, _int, _reals, _reals, _real, *3 * [_Out]),
     "add_terms": (_int, _int, _int, _ints, _reals, _reals_or_none, _Out),
-    "interpolate": (_int, _reals, _int, _reals, _reals, _ints, _Out),
-    "convolve": (*5 * [_int], _singles, _singles, _Out),
-    "solve_in_box": (_int, _singles, *3 * [_reals], *3 * [_Out]),
+    "solve_in_box": (_int, _singles, _singles_or_none, *3 * [_reals], *2 * [_Out]),
     "fixed_point": (_int, _int, _Out, _int, _ints, *3 * [_reals], *3 * [_real], _int),
 }
 
@@ -143,13 +139,13 @@ def connected_rho(g: Floats) -> Floats | None:
     return None if library.connected_rho(*g.shape, g, rho) else rho
 
 
-def solve(g: Floats) -> tuple[Floats, Floats, Floats] | None:
-    """root, k and rho of laplacian.Network."""
+def solve(g: Floats) -> tuple[float, Floats, Floats] | None:
+    """log_det, k and rho of laplacian.Network."""
     lines = sum(g.shape)
     if library is None or lines > LINES:
         return None
-    root, k, rho = np.zeros((lines, lines)), np.zeros((lines, lines)), np.empty(g.shape)
-    return None if library.solve(*g.shape, g, root, k, rho) else (root, k, rho)
+    log_det, k, rho = np.empty(1), np.zeros((lines, lines)), np.empty(g.shape)
+    return None if library.solve(*g.shape, g, log_det, k, rho) else (float(log_det[0]), k, rho)
 
 
 def hessian_product(k: Floats, p: Floats) -> Floats | None:
@@ -197,35 +193,16 @@ def add_terms(
     return not library.add_terms(rows, cols, free.size, cells, diagonal, entries, total)
 
 
-def interpolate(x: Floats, points: Floats, values: Floats, start: Ints) -> Floats | None:
-    """As curve.Table."""
-    if library is None or x.size > CELLS or x.dtype != float:
-        return None
-    out = np.empty(x.shape)
-    library.interpolate(x.size, x, points.size, points, values, start, out)
-    return out
-
-
 def solve_in_box(
-    precision: Floats32, b: Floats, low: Floats, high: Floats
-) -> tuple[Floats, Floats32, Bools] | None:
-    """As quadratic.solve_in_box."""
+    precision: Floats32, factor: Floats32 | None, b: Floats, low: Floats, high: Floats
+) -> tuple[Floats, bool, Bools] | None:
+    """As quadratic.solve_in_box; factor: over all unknowns, where it is known."""
     n = b.size
-    if library is None or n > _UNKNOWNS or not len(precision) == n == low.size == high.size:
+    if library is None or n > 4 * LINES or not len(precision) == n == low.size == high.size:
         return None
-    dx, factor, inside = np.zeros(n), np.empty(n * n, np.float32), np.empty(n, np.int32)
-    m = library.solve_in_box(n, precision, b, low, high, dx, factor, inside)
-    return None if m < 0 else (dx, factor[: m * m].reshape(m, m), inside.astype(bool))
-
-
-def convolve(picture: Floats32, layer: Floats32, dilation: int) -> Floats32 | None:
-    """As learning.convolution.convolve."""
-    channels, rows, cols = picture.shape
-    if library is None or rows + cols > LINES or layer.shape[1] != 9 * channels + 1:
-        return None
-    out = np.empty((len(layer), rows, cols), np.float32)
-    given = rows, cols, channels, len(layer), dilation, picture, layer
-    return None if library.convolve(*given, out) else out
+    dx, inside = np.zeros(n), np.empty(n, np.int32)
+    failed = library.solve_in_box(n, precision, factor, b, low, high, dx, inside) < 0
+    return None if failed else (dx, True, inside.astype(bool))
 
 
 def fixed_point(

@@ -44,7 +44,10 @@ static inline double dot(const double *a, const double *b, int n)
     return k < n ? even + odd + a[k] * b[k] : even + odd;
 }
 
+/* Of the shorter side's lines, here its rows; the longer side's are eliminated. */
 typedef struct {
+    int rows, cols, first, second; /* where the rows' lines begin, and the columns' */
+    int down, right;               /* steps in the caller's picture */
     double *scaled;  /* (rows, cols) g D_c^-1 */
     double *col_sum; /* (cols,) D_c */
     double *root;    /* (rows, rows) upper R with A = R R^T */
@@ -57,10 +60,17 @@ typedef struct {
 /* Room for a network and `more` numbers, which come first: to be freed; NULL: there is none. */
 static double *room(int rows, int cols, size_t more, Network *n)
 {
-    int lines = rows + cols, cells = rows * cols, square = rows * rows;
+    int tall = rows > cols, lines = rows + cols, cells = rows * cols;
+    int side = tall ? cols : rows, square = side * side;
     double *space = calloc(more + 3 * cells + 4 * square + 3 * lines, sizeof *space);
 
     if (space) {
+        n->rows = side;
+        n->cols = lines - side;
+        n->first = tall ? rows : 0;
+        n->second = tall ? 0 : rows;
+        n->down = tall ? 1 : cols;
+        n->right = tall ? cols : 1;
         n->scaled = space + more;
         n->turned_g = n->scaled + cells;
         n->c = n->turned_g + cells;
@@ -76,15 +86,17 @@ static double *room(int rows, int cols, size_t more, Network *n)
 }
 
 /* A and C, the first two blocks of K, and what leads to them. */
-static int blocks(int rows, int cols, const double *restrict g, const Network *n)
+static int blocks(const double *restrict g, const Network *n)
 {
+    int rows = n->rows, cols = n->cols;
     double *s = n->s, *factors = n->factors, total = 0.0;
 
     memset(n->col_sum, 0, cols * sizeof *n->col_sum);
     for (int i = 0; i < rows; i++)
         for (int j = 0; j < cols; j++) {
-            n->col_sum[j] += g[i * cols + j];
-            n->turned_g[j * rows + i] = g[i * cols + j];
+            double here = g[i * n->down + j * n->right];
+            n->col_sum[j] += here;
+            n->scaled[i * cols + j] = n->turned_g[j * rows + i] = here;
         }
     for (int j = 0; j < cols; j++) {
         total += n->col_sum[j];
@@ -93,9 +105,9 @@ static int blocks(int rows, int cols, const double *restrict g, const Network *n
     for (int i = 0; i < rows; i++) { /* S, made regular: its upper triangle */
         double *row = s + i * rows, sum = 0.0;
         for (int j = 0; j < cols; j++) {
-            n->scaled[i * cols + j] = g[i * cols + j] * n->d[j];
+            sum += n->scaled[i * cols + j];
+            n->scaled[i * cols + j] *= n->d[j];
             factors[j] = -n->scaled[i * cols + j];
-            sum += g[i * cols + j];
         }
         for (int k = i; k < rows; k++)
             row[k] = total / ((double)rows * rows);
@@ -134,8 +146,9 @@ static int blocks(int rows, int cols, const double *restrict g, const Network *n
 }
 
 /* rho_ij = A_ii + D_jj - 2 C_ij; changes n->d. */
-static void two_terminal(int rows, int cols, const Network *n, double *restrict rho)
+static void two_terminal(const Network *n, double *restrict rho)
 {
+    int rows = n->rows, cols = n->cols;
     double *d = n->d;
 
     for (int i = 0; i < rows; i++)
@@ -143,46 +156,47 @@ static void two_terminal(int rows, int cols, const Network *n, double *restrict 
             d[j] += n->scaled[i * cols + j] * n->c[i * cols + j];
     for (int i = 0; i < rows; i++)
         for (int j = 0; j < cols; j++)
-            rho[i * cols + j] = n->a[i * rows + i] + d[j] - 2.0 * n->c[i * cols + j];
+            rho[i * n->down + j * n->right] = n->a[i * rows + i] + d[j] - 2.0 * n->c[i * cols + j];
 }
 
 int connected_rho(int rows, int cols, const double *g, double *rho)
 {
     Network n;
     double *space = room(rows, cols, 0, &n);
-    int failed = space ? blocks(rows, cols, g, &n) : -1;
+    int failed = space ? blocks(g, &n) : -1;
 
     if (!failed)
-        two_terminal(rows, cols, &n, rho);
+        two_terminal(&n, rho);
     free(space);
     return failed;
 }
 
-/* root and k, (lines, lines), come as zeros. */
-int solve(int rows, int cols, const double *g, double *root, double *k, double *rho)
+/* k, (lines, lines), comes as zeros; log_det is that of its determinant. */
+int solve(int rows, int cols, const double *g, double *log_det, double *k, double *rho)
 {
     Network n;
     double *space = room(rows, cols, 0, &n);
-    int lines = rows + cols, failed = space ? blocks(rows, cols, g, &n) : -1;
+    int lines = rows + cols, failed = space ? blocks(g, &n) : -1;
 
-    for (int i = 0; i < rows && !failed; i++) {
-        memcpy(root + i * lines, n.root + i * rows, rows * sizeof *root);
-        memcpy(k + i * lines, n.a + i * rows, rows * sizeof *k);
-        memcpy(k + i * lines + rows, n.c + i * cols, cols * sizeof *k);
-        for (int j = 0; j < cols; j++)
-            k[(rows + j) * lines + i] = n.c[i * cols + j];
+    *log_det = 0.0;
+    for (int i = 0; !failed && i < n.rows; i++) {
+        double *k_row = k + (n.first + i) * lines;
+        *log_det += 2.0 * log(n.root[i * n.rows + i]);
+        memcpy(k_row + n.first, n.a + i * n.rows, n.rows * sizeof *k);
+        memcpy(k_row + n.second, n.c + i * n.cols, n.cols * sizeof *k);
+        for (int j = 0; j < n.cols; j++)
+            k[(n.second + j) * lines + n.first + i] = n.c[i * n.cols + j];
     }
-    for (int j = 0; j < cols && !failed; j++) {
-        double *root_row = root + (rows + j) * lines, *k_row = k + (rows + j) * lines;
-        for (int i = 0; i < rows; i++)
-            n.factors[i] = n.scaled[i * cols + j];
-        combine(root_row, rows, n.factors, n.root, rows, rows);
-        combine(k_row + rows, cols, n.factors, n.c, cols, rows);
-        root_row[rows + j] = 1.0 / sqrt(n.col_sum[j]);
-        k_row[rows + j] += 1.0 / n.col_sum[j];
+    for (int j = 0; !failed && j < n.cols; j++) {
+        double *k_row = k + (n.second + j) * lines + n.second;
+        *log_det -= log(n.col_sum[j]);
+        for (int i = 0; i < n.rows; i++)
+            n.factors[i] = n.scaled[i * n.cols + j];
+        combine(k_row, n.cols, n.factors, n.c, n.cols, n.rows);
+        k_row[j] += 1.0 / n.col_sum[j];
     }
     if (!failed)
-        two_terminal(rows, cols, &n, rho);
+        two_terminal(&n, rho);
     free(space);
     return failed;
 }
@@ -290,11 +304,11 @@ int fixed_point(int rows, int cols, double *g, int n, const int *at, const doubl
         x[i] = log(g[at[i]]);
     while (0 <= step && step < steps) {
         double missed = 0.0, trace = 0.0, matrix[HISTORY * HISTORY], share[HISTORY];
-        if (blocks(rows, cols, g, &network) < 0) {
+        if (blocks(g, &network) < 0) {
             step = -1;
             break;
         }
-        two_terminal(rows, cols, &network, rho);
+        two_terminal(&network, rho);
         for (int i = 0; i < n; i++) {
             double off = r_ref / (r_ref + r_par + rho[at[i]]) - r_ref / (r_ref + r_par + measured[i]);
             missed += off * off;

@@ -1,14 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The parts of a step of `map`: the prior (../../solvers/prior.py), its network's convolutions
- * (../../learning/convolution.py), the curve (../curve.py) and the programme within bounds
+/* The parts of a step of `map`: the prior (../../solvers/prior.py) and the programme within bounds
  * (../quadratic.py), which hold the same in NumPy. Functions return -1 where NumPy has to do it.
  */
 #include <math.h>
-#include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { BOX_ROUNDS = 8 }; /* as quadratic.py's */
+enum { BOX_ROUNDS = 8, FEW_HELD = 4 }; /* as quadratic.py's */
 
 #define FAR 1e100 /* beyond it a product of squares is not multiplied by another */
 
@@ -99,68 +97,6 @@ int add_terms(int rows, int cols, int n, const int *at, const double *diagonal,
     return 0;
 }
 
-/* curve.Table at n places: `start` holds the last of m rising points at or below the begin of each of
- * m - 1 equal parts of the table's length, from where the search is short. */
-int interpolate(int n, const double *x, int m, const double *points, const double *values,
-                const int *start, double *out)
-{
-    double first = points[0], last = points[m - 1], parts = (m - 1) / (last - first);
-
-    for (int i = 0; i < n; i++) {
-        if (!(x[i] > first && x[i] < last)) { /* NaN stays NaN */
-            out[i] = x[i] <= first ? values[0] : x[i] >= last ? values[m - 1] : x[i];
-            continue;
-        }
-        int part = (int)((x[i] - first) * parts), at = start[part < m - 1 ? part : m - 2];
-        while (points[at + 1] <= x[i])
-            at++;
-        double slope = (values[at + 1] - values[at]) / (points[at + 1] - points[at]);
-        out[i] = values[at] + slope * (x[i] - points[at]);
-    }
-    return 0;
-}
-
-/* out[k] += what the 3 x 3 taps `f`, d apart, see of a picture whose rows are `wide` apart. */
-static void filter(float *restrict out, int n, const float *restrict f, const float *restrict p,
-                   ptrdiff_t wide, ptrdiff_t d)
-{
-    const float *q = p + d * wide, *r = q + d * wide;
-    float a = f[0], b = f[1], c = f[2], e = f[3], g = f[4], h = f[5], u = f[6], v = f[7], w = f[8];
-
-    for (ptrdiff_t k = 0; k < n; k++)
-        out[k] += (a * p[k] + b * p[k + d] + c * p[k + 2 * d])
-                  + (e * q[k] + g * q[k + d] + h * q[k + 2 * d])
-                  + (u * r[k] + v * r[k + d] + w * r[k + 2 * d]);
-}
-
-/* learning.convolution.convolve; out (outputs, rows, cols). */
-int convolve(int rows, int cols, int channels, int outputs, int dilation, const float *picture,
-             const float *layer, float *out)
-{
-    int d = dilation, wide = cols + 2 * d, plane = (rows + 2 * d) * wide, run = rows * wide;
-    /* the last taps reach past the last cell, and what they see there is not copied */
-    float *padded = calloc((size_t)channels * plane + 2 * d + run, sizeof *padded);
-    float *sums = padded + channels * plane + 2 * d;
-
-    if (!padded)
-        return -1;
-    for (int c = 0; c < channels; c++)
-        for (int i = 0; i < rows; i++)
-            memcpy(padded + c * plane + (i + d) * wide + d, picture + (c * rows + i) * cols,
-                   cols * sizeof *padded);
-    for (int o = 0; o < outputs; o++) {
-        const float *f = layer + o * (9 * channels + 1);
-        for (int k = 0; k < run; k++)
-            sums[k] = f[9 * channels];
-        for (int c = 0; c < channels; c++) /* rows with their margins, as one run */
-            filter(sums, run, f + 9 * c, padded + c * plane, wide, d);
-        for (int i = 0; i < rows; i++)
-            memcpy(out + (o * rows + i) * cols, sums + i * wide, cols * sizeof *out);
-    }
-    free(padded);
-    return 0;
-}
-
 /* M = U^T U, U in the upper triangle; -1 if M is not positive definite, or holds NaN. */
 static int cholesky(int m, float *matrix, float *factors)
 {
@@ -178,26 +114,35 @@ static int cholesky(int m, float *matrix, float *factors)
     return 0;
 }
 
-/* x <- (U^T U)^-1 x */
-static void substitute(int m, const float *restrict upper, float *restrict x)
+/* x <- U^-T x, which is 0 before `first`. */
+static void forward(int m, const float *restrict upper, float *restrict x, int first)
 {
-    for (int i = 0; i < m; i++) {
+    for (int i = first; i < m; i++) {
         const float *row = upper + i * m;
         float here = x[i] /= row[i];
         for (int k = i + 1; k < m; k++)
             x[k] -= here * row[k];
     }
-    for (int i = m - 1; i >= 0; i--) {
-        const float *row = upper + i * m;
-        float sum[4] = {0.0f};
-        int k = i + 1;
-        for (; k + 4 <= m; k += 4)
-            for (int q = 0; q < 4; q++)
-                sum[q] += row[k + q] * x[k + q];
-        for (; k < m; k++)
-            sum[0] += row[k] * x[k];
-        x[i] = (x[i] - ((sum[0] + sum[1]) + (sum[2] + sum[3]))) / row[i];
-    }
+}
+
+static float dot(const float *restrict a, const float *restrict b, int n)
+{
+    float sum[8] = {0.0f};
+    int k = 0;
+
+    for (; k + 8 <= n; k += 8)
+        for (int q = 0; q < 8; q++)
+            sum[q] += a[k + q] * b[k + q];
+    for (; k < n; k++)
+        sum[0] += a[k] * b[k];
+    return ((sum[0] + sum[1]) + (sum[2] + sum[3])) + ((sum[4] + sum[5]) + (sum[6] + sum[7]));
+}
+
+/* x <- U^-1 x */
+static void backward(int m, const float *restrict upper, float *restrict x)
+{
+    for (int i = m - 1; i >= 0; i--)
+        x[i] = (x[i] - dot(upper + i * m + i + 1, x + i + 1, m - i - 1)) / upper[i * m + i];
 }
 
 /* (b - precision dx)_k, of an upper triangle. */
@@ -230,38 +175,74 @@ static int choose(int n, const float *precision, const double *b, const double *
     return changed ? left : -1;
 }
 
-/* quadratic.solve_in_box: fills dx (zeros before), which unknowns stayed inside, and the factor over
- * these, row by row. Returns their number; -1: there is no factor. */
-int solve_in_box(int n, const float *precision, const double *b, const double *low,
-                 const double *high, double *dx, float *factor, int *inside)
+/* quadratic.solve_in_box: fills dx (zeros before), and which unknowns stayed inside. first: NULL, or
+ * the factor over all. Returns the number that the last factor is over; -1: there is none. */
+int solve_in_box(int n, const float *precision, const float *first, const double *b,
+                 const double *low, const double *high, double *dx, int *inside)
 {
-    int *kept = malloc(2 * n * sizeof *kept + 1), *next = kept + n;
-    float *x = malloc(2 * n * sizeof *x + 1), *factors = x + n;
-    int m = kept && x ? 0 : -1;
+    /* kept: the m unknowns that the factor is over; at: their places, from 1; held: h of them */
+    int *kept = calloc(5 * n + 1, sizeof *kept), *at = kept + n, *held = at + n;
+    int *next = held + n, *then = next + n, m = 0;
+    size_t most = n / FEW_HELD + 1;
+    float *own = malloc((n * (n + 3) + most * (n + most)) * sizeof *own);
+    float *x = own + n * n, *half = x + n, *factors = half + n, *moved = factors + n;
+    float *between = moved + most * n;
+    const float *factor = own;
 
     for (int k = 0; k < n; k++)
         inside[k] = 1;
-    for (int round = 1; m >= 0; round++) {
-        m = 0;
-        for (int k = 0; k < n; k++)
-            if (inside[k]) {
-                dx[k] = 0.0; /* what is left is the pull of those on their ends */
-                kept[m++] = k;
-            }
-        for (int i = 0; i < m; i++) {
-            for (int j = i; j < m; j++)
-                factor[i * m + j] = precision[kept[i] * n + kept[j]];
-            x[i] = (float)(m < n ? pull(n, precision, b, dx, kept[i]) : b[kept[i]]);
+    for (int round = 1; kept && own; round++) {
+        int h = 0, joins = m == 0;
+        for (int k = 0; k < n; k++) {
+            joins |= inside[k] && !at[k];
+            if (at[k] && !inside[k])
+                held[h++] = at[k] - 1;
         }
-        if (cholesky(m, factor, factors) < 0) {
+        if (joins || h * FEW_HELD > m) {
+            m = h = 0;
+            for (int k = 0; k < n; k++) {
+                at[k] = inside[k] ? m + 1 : 0;
+                if (inside[k]) {
+                    dx[k] = 0.0; /* what is left is the pull of those on their ends */
+                    kept[m++] = k;
+                }
+            }
+            factor = m == n && first ? first : own;
+            for (int i = 0; i < m; i++) {
+                for (int j = i; j < m && factor == own; j++)
+                    own[i * m + j] = precision[kept[i] * n + kept[j]];
+                half[i] = (float)(m < n ? pull(n, precision, b, dx, kept[i]) : b[kept[i]]);
+            }
+            if (factor == own && cholesky(m, own, factors) < 0) {
+                m = -1;
+                break;
+            }
+            forward(m, factor, half, 0);
+        }
+        for (int i = 0; i < h; i++) { /* what holds them moves the others: no other factor */
+            float *row = moved + i * m;
+            memset(row, 0, m * sizeof *row);
+            row[held[i]] = 1.0f;
+            forward(m, factor, row, held[i]);
+            for (int j = 0; j <= i; j++)
+                between[j * h + i] = dot(row, moved + j * m, m);
+            factors[i] = (float)dx[kept[held[i]]] - dot(row, half, m);
+        }
+        if (h && cholesky(h, between, x) < 0) {
             m = -1;
             break;
         }
-        substitute(m, factor, x);
+        memcpy(x, half, m * sizeof *x);
+        if (h) {
+            forward(h, between, factors, 0);
+            backward(h, between, factors);
+            combine(x, m, factors, moved, m, h);
+        }
+        backward(m, factor, x);
         for (int i = 0; i < m && m > 0; i++) {
             if (!isfinite(x[i]))
                 m = -1;
-            else
+            else if (inside[kept[i]])
                 dx[kept[i]] = x[i];
         }
         if (m < 0)
@@ -272,16 +253,14 @@ int solve_in_box(int n, const float *precision, const double *b, const double *l
         if (left < 0 || round == BOX_ROUNDS)
             break;
         if (left == 0) { /* all would be on their ends */
-            memcpy(inside, next, n * sizeof *inside);
-            if (choose(n, precision, b, low, high, dx, inside, next) < 0) {
-                for (int i = 0; i < m; i++) /* and are: the factor is the last one's */
-                    inside[kept[i]] = 1;
-                break;
-            }
+            if (choose(n, precision, b, low, high, dx, next, then) < 0)
+                break; /* and are */
+            memcpy(next, then, n * sizeof *next);
         }
         memcpy(inside, next, n * sizeof *inside);
     }
+    m = kept && own ? m : -1;
     free(kept);
-    free(x);
+    free(own);
     return m;
 }
