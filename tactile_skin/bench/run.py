@@ -12,7 +12,7 @@ from .measure import machine
 
 PARTS = {  # name -> module, and the arguments of its `measure` in full and quick
     "speed": (speed, {"n": 300, "day_frames": 6000}, {"n": 6, "day_frames": 1000}),
-    "stability": (stability, {"n": 100, "boards": 2}, {"n": 2, "boards": 1}),
+    "stability": (stability, {"n": 100, "boards": 2}, {"n": 2, "boards": 1, "learnt": 8}),
 }
 
 

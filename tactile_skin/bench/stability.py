@@ -44,7 +44,7 @@ _LEARNT = 30  # and of touches
 _COMPARED = 5  # frames of each board that all methods are compared by
 
 
-def measure(n: int, boards: int, seed: int, track=lambda items: items) -> dict:
+def measure(n: int, boards: int, seed: int, track=lambda x: x, learnt: int = _LEARNT) -> dict:
     """n frames of each strength of each trouble, on so many boards: the same ones throughout."""
     tasks = [
         (t, k, b)
@@ -54,7 +54,8 @@ def measure(n: int, boards: int, seed: int, track=lambda items: items) -> dict:
     ]
     spawn = multiprocessing.get_context("spawn")
     with concurrent.futures.ProcessPoolExecutor(os.cpu_count(), spawn) as pool:
-        running = [pool.submit(_task, *task, max(n // boards, 1), seed) for task in tasks]
+        given = max(n // boards, 1), seed, learnt
+        running = [pool.submit(_task, *task, *given) for task in tasks]
         results = dict(zip(tasks, (one.result() for one in track(running)), strict=True))
     troubled = [t for t in tasks if TROUBLES[t[0]].strengths[t[1]] != TROUBLES[t[0]].sound]
     return {
@@ -81,9 +82,9 @@ def measure(n: int, boards: int, seed: int, track=lambda items: items) -> dict:
     }
 
 
-def _task(t: int, k: int, board: int, n: int, seed: int) -> tuple[Outcome, dict]:
+def _task(t: int, k: int, board: int, n: int, seed: int, learnt: int) -> tuple[Outcome, dict]:
     with one_thread():
-        return _on_board(TROUBLES[t], TROUBLES[t].strengths[k], n, [seed, board])
+        return _on_board(TROUBLES[t], TROUBLES[t].strengths[k], n, [seed, board], learnt)
 
 
 class Outcome(NamedTuple):
@@ -94,12 +95,12 @@ class Outcome(NamedTuple):
     reported: np.ndarray
 
 
-def _on_board(trouble: Trouble, strength: float, n: int, seed) -> tuple[Outcome, dict]:
+def _on_board(trouble: Trouble, strength: float, n: int, seed, learnt: int) -> tuple[Outcome, dict]:
     """n frames on a running skin, and those of all methods that each judges alone."""
     rng = np.random.default_rng([*seed, 1])
     circuit, curve = Circuit(adc_bits=trouble.bits(strength)), PressureCurve()
     board = Sample(trouble.textile(strength), circuit, curve, [*seed, 0])
-    touches = board.expose(scenes.sample("bodies", _LEARNT, *circuit.shape, rng))
+    touches = board.expose(scenes.sample("bodies", learnt, *circuit.shape, rng))
     force = trouble.scene(n, strength, circuit, rng)
     adc = board.sample(board.expose(force), rng)
     idle = board.at_rest(_AT_REST, rng)

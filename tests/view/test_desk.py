@@ -309,16 +309,14 @@ def test_two_skins_fill_the_width_and_have_a_chart_and_a_log(browser):
     with serving(skins) as (address, _):
         browser.open(address)
         browser.until("document.querySelector('#log .stop') !== null")
-        browser.until(
-            "document.querySelector('#skins .picture[href=\"?chest\"] canvas')?.clientHeight > 500"
-        )
+        chest = "document.querySelector('#skins .picture[href=\"?chest\"] canvas')"
+        browser.until(f"{chest}?.clientHeight > 500")
         assert box(browser, "#skins li:last-child")["right"] > 1370
         red = """(c => c.getContext('2d').getImageData(0, 0, c.width, c.height).data.some(
             (v, k, d) => k % 4 === 0 && v > 220 && Math.abs(d[k + 1] - 200) < 9))"""
         browser.until(f"{red}(document.querySelector('#force canvas'))")
-        browser.until(
-            "document.querySelectorAll('#log tbody tr').length === 1"
-        )  # it is the chest's
+        rows = "document.querySelectorAll('#log tbody tr').length"
+        browser.until(f"{rows} === 1")  # the body's stop is the chest's
         browser.click("button", "chest: stop: push 53 N (limit 30) from the front left")
         browser.until("document.querySelector('#contacts tbody')?.innerText.includes('53.0 N')")
         assert "showing" in browser.run("document.getElementById('source').innerText")
