@@ -51,7 +51,8 @@ OF_PAGE = ("detect", "calibrate", "doctor", "answer", "give up")
 _LEND = "lend"  # what the skin is asked for then, before a page detects
 ASKS = OF_SKIN + OF_PAGE
 _WEBSOCKET = "/snapshots"
-_PARTICULAR = "<!-- what is particular -->\n"  # in the frame of a page
+# in the frame of a page, and in what is particular
+_PARTICULAR, _EVENTS = "<!-- what is particular -->\n", "<!-- force and log -->\n"
 _FOLDER = Path(__file__).parent / "page"
 _TYPES = {
     ".js": "text/javascript; charset=utf-8",
@@ -276,9 +277,11 @@ class Server:
 
 def _page(name: str) -> tuple[bytes, str]:
     """Return what is particular to a page within what all have in common, and its type."""
-    frame, particular = ((_FOLDER / f"{part}.html").read_text() for part in ("frame", name))
+    frame, particular, events = (
+        (_FOLDER / f"{part}.html").read_text() for part in ("frame", name, "events")
+    )
     text = frame.replace("skin.js", f"{name}.js").replace(_PARTICULAR, particular)
-    return text.encode(), "text/html; charset=utf-8"
+    return text.replace(_EVENTS, events).encode(), "text/html; charset=utf-8"
 
 
 def _response(status: HTTPStatus, body: bytes, kind: str) -> Response:

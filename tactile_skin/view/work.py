@@ -265,7 +265,9 @@ class Work:
 
     def _doctor(self) -> None:
         self._frames.clear()
+        self._until = time.monotonic() + 65.0  # s that this takes
         self._wait_for(_WAYS)
+        self._until = None
         frames, skin = np.array(self._frames), self._skin
         if not frames.size:
             raise ValueError("no reading came")

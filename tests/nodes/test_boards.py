@@ -25,6 +25,7 @@ from tactile_skin.msg import (
     PointCloud2,
     String,
     cloud,
+    cloud_of,
     image,
     image_array,
 )
@@ -179,7 +180,8 @@ class Terminal(io.StringIO):
 
 def test_a_reason_longer_than_the_terminal_is_printed_whole_once(monkeypatch):
     """Its end says which setting to change."""
-    monkeypatch.setenv("COLUMNS", "80")
+    for name, value in {"COLUMNS": "80", "NO_COLOR": "1", "TERM": "xterm"}.items():
+        monkeypatch.setenv(name, value)
     bench, monitor, observer = watching()
     monitor.out = Terminal()
     publisher = observer.create_publisher(DiagnosticArray, STATUS_TOPIC, STATUS)
@@ -196,6 +198,22 @@ def test_a_reason_longer_than_the_terminal_is_printed_whole_once(monkeypatch):
     assert len(lines) == 2
     live = lines[1].split("\r\x1b[2K")[-1]
     assert len(live) < 80 and re.match(r"SIMULATED +0\.0/s  STOP stale: readings come", live)
+    monkeypatch.delenv("NO_COLOR")
+    monitor.live_line()
+    assert re.search("\x1b\\[1;31m STOP stale: .*\x1b\\[0m$", monitor.out.getvalue()), "it is red"
+    monitor.out = io.StringIO()
+    monitor.live_line()
+    assert "\x1b" not in monitor.out.getvalue(), "no terminal"
+
+
+def test_the_live_line_of_a_body_names_the_skins_that_are_touched():
+    bench = Bench()
+    monitor = Monitor(bench.node("monitor", {"skins": ["chest", "back", "legs"]}))
+    monitor.out = io.StringIO()
+    for skins, said in (([2, 0, 2], "contacts 3    6.0 N on chest, legs  "), ([], "0    0.0 N  ")):
+        monitor.on_contacts(cloud_of(("force", "skin"), [(2.0, k) for k in skins], bench.header()))
+        monitor.live_line()
+        assert said in monitor.out.getvalue().splitlines()[-1]
 
 
 def test_the_live_line_names_a_gesture_for_a_while_and_the_most_that_a_touch_may_be():

@@ -256,6 +256,9 @@ def test_before_the_first_reading_nothing_has_an_age(fresh, monkeypatch):
     skin.page.watched = True
     skin.show()
     assert shown[0].stamp == 0.0 and shown[0].read_at is None
+    body = view.ShownSkin(fresh.node, "", skin.page, {}, {}, True)
+    body.show()  # it has no readings of its own, and its log has times all the same
+    assert shown[1].stamp == view.now(fresh.node) and shown[1].read_at is not None
 
 
 def test_the_skin_goes_on_when_the_pages_process_dies(fresh, caplog):

@@ -112,6 +112,30 @@ def test_the_pressure_is_large_and_has_a_scale_of_its_own(browser):
         assert browser.run(row).split("\t") == ["3", "10.0 N", "4.5, 14.0", "0.0 cm/s", "pat"]
 
 
+# what is pressed and smaller than a finger: its name and size; and how much of its card a mat takes
+SMALL = """JSON.stringify([...document.querySelectorAll("button, input, select, a[href], summary")]
+    .filter(e => e.checkVisibility() && e.getClientRects().length)
+    .map(e => [e.id || e.textContent, e.offsetWidth, e.offsetHeight])
+    .filter(([, width, height]) => Math.min(width, height) < 40))"""
+FILLED = """(card => Math.min(...["Width", "Height"].map(
+    side => card.querySelector("canvas")[`client${side}`] / (card[`client${side}`] - 165))))
+    (document.getElementById("a"))"""
+
+
+def test_an_8x8_fills_its_card_and_a_phone_has_room_for_fingers(browser):
+    skin = skin_of({"circuit.rows": 8, "circuit.cols": 8}, "")
+    with free(browser, skin, pushed(skin), work=Work(skin, {})):
+        for width, height in ((1400, 900), (1000, 700), (390, 844)):
+            browser.resize(width, height)
+            browser.until(f"{FILLED} >= 1")
+            assert browser.run("document.documentElement.scrollWidth") <= width
+            table, card = box(browser, "#contacts"), box(browser, "#touch")
+            assert table["right"] < card["right"], "nothing is over its edge"
+        assert json.loads(browser.run(SMALL)) == []
+        off = "['tare', 'doctor', 'said'].some(id => document.getElementById(id).checkVisibility())"
+        assert not browser.run(off)
+
+
 @pytest.mark.parametrize(("rows", "cols"), [(32, 10), (64, 64), (8, 22)])
 def test_a_mat_of_any_size_fills_its_card(browser, rows, cols):
     skin = skin_of({"circuit.rows": rows, "circuit.cols": cols}, "")
@@ -275,6 +299,27 @@ def test_all_skins_are_on_one_page_the_worst_first(browser):
         assert browser.run(f"{coloured}(document.querySelector('.skin canvas'))") > 100
         sources["legs"].silent = True
         browser.until(f"{CARDS}[2].includes('? unknown: nothing was heard for 1 s')")
+
+
+def test_two_skins_fill_the_width_and_have_a_chart_and_a_log(browser):
+    """A stop of the log leads to its moment on the skin's page."""
+    stops = [Snapshot(s.stamp, stop=s.stop, reason="chest: push") for s in pushed(SHAPED)]
+    skins = {"": (SHAPED, stops), "chest": (SHAPED, pushed(SHAPED))}
+    skins["legs"] = LEGS, [snapshot(LEGS, 2.5)]
+    with serving(skins) as (address, _):
+        browser.open(address)
+        browser.until("document.querySelector('#log .stop') !== null")
+        chest = "document.querySelector('#skins .picture[href=\"?chest\"] canvas')"
+        browser.until(f"{chest}?.clientHeight > 500")
+        assert box(browser, "#skins li:last-child")["right"] > 1370
+        red = """(c => c.getContext('2d').getImageData(0, 0, c.width, c.height).data.some(
+            (v, k, d) => k % 4 === 0 && v > 220 && Math.abs(d[k + 1] - 200) < 9))"""
+        browser.until(f"{red}(document.querySelector('#force canvas'))")
+        rows = "document.querySelectorAll('#log tbody tr').length"
+        browser.until(f"{rows} === 1")  # the body's stop is the chest's
+        browser.click("button", "chest: stop: push 53 N (limit 30) from the front left")
+        browser.until("document.querySelector('#contacts tbody')?.innerText.includes('53.0 N')")
+        assert "showing" in browser.run("document.getElementById('source').innerText")
 
 
 def test_all_covers_are_in_their_places_in_space(browser):

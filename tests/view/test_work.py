@@ -236,6 +236,7 @@ def test_the_doctor_is_given_up_and_asked_again(newcomer):
     browser.click("button", "doctor")
     answer_is_awaited = "!document.getElementById('question').hidden"
     browser.until(answer_is_awaited)
+    assert work.state()["left"] > 30, "the minute is counted down"
     with pytest.raises(ValueError, match="doctor is at work"):
         work.ask("calibrate", "")
     browser.click("button", "give up")

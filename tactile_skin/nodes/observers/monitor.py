@@ -37,6 +37,8 @@ _FIRST_FRAME_WITHIN = 20.0  # s, before a run of limited duration gives up
 _KEPT = 200_000  # latencies
 _GESTURE_SHOWN = 2.0  # s
 _CLEAR = "\r\x1b[2K"  # to the line's begin, and erase it (ECMA-48)
+# colour of the live line's end that begins with the stop, or with "free"; and none (ECMA-48)
+_RED, _GREEN, _PLAIN = "\x1b[1;31m", "\x1b[32m", "\x1b[0m"
 _EVERY_DECISION = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -100,7 +102,7 @@ class Monitor:
         self._warnings: dict[str, str] = {}  # node -> its message
         self._kinds: dict[str, tuple] = {}  # node -> kind of that and its lines; or its words
         self._warned: dict[str, tuple] = {}  # the same of those that were printed
-        self._contacts, self._force, self._most = 0, 0.0, 0.0
+        self._contacts, self._force, self._most, self._touched = 0, 0.0, 0.0, ""
         self._direction = (0.0, 0.0, 0.0)
         self._gesture, self._named_at = "", 0  # the last one that was named, and when [ns]
         self._cmd_vel: Twist | None = None  # while a node of the skin moves the robot
@@ -143,7 +145,10 @@ class Monitor:
 
     def on_contacts(self, msg: PointCloud2) -> None:
         self._contacts = msg.width
-        self._force = sum(cloud_columns(msg, "force")["force"].tolist())
+        columns = cloud_columns(msg, "force", "skin")
+        self._force = sum(columns["force"].tolist())
+        names = [self.skins[k].name.strip() for k in np.unique(columns.get("skin", ())).astype(int)]
+        self._touched = f" on {', '.join(names)}" if names else ""  # of a body
         self.most_contacts = max(self.most_contacts, self._contacts)
         self.largest_force = max(self.largest_force, self._force)
         self.touched_frames += self._contacts > 0
@@ -223,7 +228,7 @@ class Monitor:
         rate = f"{'SIMULATED ' * self._simulated}{skin}{slowest:5.1f}/s"
         line = (
             f"{rate}  drops {self.drops}  contacts {self._contacts} {self._force:6.1f} N"
-            f"{may_be(self._force, self._most)}  {push:<26} "
+            f"{may_be(self._force, self._most)}{self._touched}  {push:<26} "
             f"{'STOP ' + reason if reason else 'free'}"
             f"{f'  {NOT_PROVED}' * (self._proof == NOTHING)}"
             f"{self._gesture_motion_and_warnings(now)}"
@@ -262,6 +267,9 @@ class Monitor:
             line = f"{rate}  STOP {reason}"
         self._last_reason = reason
         line = line if len(line) <= width else f"{line[: width - 1]}…"
+        if not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb":
+            word, colour = (" STOP ", _RED) if reason else (" free", _GREEN)
+            line = f"{line.replace(word, f'{colour}{word}', 1)}{_PLAIN}"
         self._write(f"{_CLEAR}{line}")
 
     def _write(self, text: str) -> None:

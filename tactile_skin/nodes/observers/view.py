@@ -165,6 +165,8 @@ class ShownSkin:
         if snapshot.stamp == stamp and t - at < _QUIET:
             return
         self._sent = snapshot.stamp, t
+        if not self._readings:  # the body's, which is of now
+            snapshot = replace(snapshot, stamp=now(self.node))
         if t - self._stop_at > _UNHEARD:
             snapshot = replace(snapshot, stop=None)
         if snapshot.stamp:  # else nothing has been read yet

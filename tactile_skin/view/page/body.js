@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page of a body: all of its skins, the worst first; each has a page of its own.
 
-import { toggle, twice } from "./buttons.js";
+import { fill, toggle, twice } from "./buttons.js";
+import { ago, Chart, RANGES } from "./chart.js";
 import { rising } from "./colours.js";
 import { Connection } from "./connection.js";
 import { showOld, showStop, showTotal } from "./facts.js";
+import { History } from "./history.js";
+import { Log } from "./log.js";
 import { Mat, pageColours } from "./mat.js";
 import { largest, Scales, showScale } from "./scale.js";
 import { state } from "./words.js";
@@ -12,9 +15,11 @@ import { state } from "./words.js";
 const PACE = 66; // ms between two pictures of a skin
 const TEXTS = 100; // ms between two changes of the texts
 const OLD = 1; // s after which data are old
+const STEP = 0.1; // s of a point of the chart
 const HELD = 3000; // ms for which a skin stays in front that was worse
 const LEAST = 0.5; // N per cell, end of the scale at least
-const SIZE = 360; // px that a picture is high, at most
+const SIZE = 360; // px that a picture is high at most, or
+const SHARE = 0.6; // this part of the window's height
 const IN_SPACE = 480; // px, the same of all covers in space
 const RANKS = ["stopped", "unknown", "suspect", "free"]; // the worst first
 const $ = (id) => document.getElementById(id);
@@ -28,6 +33,7 @@ class Heard {
     this.name = name;
     this.hello = this.latest = null;
     this.log = [];
+    this.history = new History();
     this.lost = "";
     [this.newsAt, this.askedAt] = [performance.now(), 0]; // ms
     const listener = {
@@ -41,6 +47,7 @@ class Heard {
 
   greet(hello) {
     this.hello = hello;
+    this.history = new History(hello.history);
   }
 
   take(head, arrays) {
@@ -49,6 +56,12 @@ class Heard {
     if (head.log) this.log = head.log;
     if (head.number !== this.latest?.head.number) this.newsAt = now;
     this.latest = { head, arrays, at: now };
+    this.history.push(head);
+  }
+
+  /** The time of its clock now [s]. */
+  time(now) {
+    return this.latest.head.stamp + (this.latest.head.age ?? 0) + (now - this.latest.at) / 1000;
   }
 
   ask(now) {
@@ -99,7 +112,7 @@ class Card extends Heard {
 
   resize() {
     const width = this.find(".picture").clientWidth;
-    if (this.mat && width) this.mat.resize(width, SIZE);
+    if (this.mat && width) this.mat.resize(width, Math.max(SIZE, SHARE * window.innerHeight));
     this.drawn = null;
   }
 
@@ -163,6 +176,15 @@ class Body extends Heard {
 }
 
 let cards = [];
+const chart = new Chart(document.querySelector("#force canvas"));
+const log = new Log(document.querySelector("#log table"), (entry) => {
+  if (!entry.skin) return;
+  sessionStorage.setItem("moment", entry.stamp);
+  location.href = `?${entry.skin}`;
+});
+fill($("range"), RANGES, "10");
+document.querySelector("#force .help").textContent =
+  "Of the skin that is pressed hardest. Red: the robot was stopped. Dashed: the force that stops it.";
 let covers = []; // cards of those that are shown in space
 let shape = null; // they, once that is wanted
 const body = new Body("");
@@ -172,6 +194,7 @@ window.onresize = resize;
 $("flat").onclick = () => openSpace(!shape);
 
 function resize() {
+  chart.resize();
   cards.forEach((card) => card.resize());
   shape?.resize($("space").clientWidth, IN_SPACE);
 }
@@ -199,6 +222,43 @@ function arrange(ranks) {
   focused?.focus();
 }
 
+/** What happened to each skin, and stops of the body that none of them was in. */
+function entries() {
+  const ofSkins = cards.flatMap((card) => card.log.map((entry) => ({ ...entry, skin: card.name })));
+  const stops = ofSkins.filter((entry) => entry.kind === "stop");
+  const during = (one, other) => one.begin <= (other.end ?? Infinity) + STEP && other.begin <= (one.end ?? Infinity) + STEP;
+  const alone = body.log.filter((entry) => entry.kind === "stop" && !stops.some((stop) => during(stop, entry)));
+  return [...ofSkins, ...alone].sort((a, b) => b.begin - a.begin);
+}
+
+/** Largest force of a skin, and whether the body stopped, for each tenth of a second. */
+function history(from) {
+  const points = new Map();
+  for (const one of [body, ...cards]) {
+    for (const { t, force, stop } of one.history.of(from)) {
+      const at = Math.floor(t / STEP);
+      const point = points.get(at) ?? { t: at * STEP, force: 0, stop: false };
+      point.force = Math.max(point.force, force);
+      point.stop ||= one === body && stop;
+      points.set(at, point);
+    }
+  }
+  return [...points.values()].sort((a, b) => a.t - b.t);
+}
+
+function showEvents(now) {
+  const known = entries();
+  const text = JSON.stringify(known);
+  if (text !== logged) log.take(known, false);
+  logged = text;
+  if (!body.latest) return;
+  const [to, range] = [body.time(now), Number($("range").value)];
+  log.tick(to);
+  const limits = cards.map((card) => card.latest?.head.limit ?? Infinity);
+  const limit = Math.min(...limits);
+  chart.draw(history(to - range), to - range, to, ago(to), Number.isFinite(limit) ? limit : null, null, colours);
+}
+
 function showTexts(now) {
   const stop = body.stop(now);
   showStop(stop, body.line(now), stop ? body.latest.head.reason : "");
@@ -208,6 +268,7 @@ function showTexts(now) {
 }
 
 let textsAt = 0; // ms
+let logged = ""; // what the log shows
 
 function frame(now) {
   requestAnimationFrame(frame);
@@ -222,6 +283,7 @@ function frame(now) {
   if (now - textsAt > TEXTS) {
     textsAt = now;
     showTexts(now);
+    showEvents(now);
   }
   for (const one of [body, ...cards]) one.ask(now);
 }

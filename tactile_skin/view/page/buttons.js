@@ -24,6 +24,12 @@ export function twice(button, question, act) {
   button.onblur = calm;
 }
 
+/** Give a choice its options, [[value, text], ...]. */
+export function fill(select, options, value) {
+  select.replaceChildren(...options.map(([key, text]) => new Option(text, key)));
+  select.value = value;
+}
+
 /** @param act called with whether it is open now. */
 export function toggle(button, closed, opened, act) {
   button.onclick = () => {

@@ -3,6 +3,11 @@
 
 const FONT = "system-ui, sans-serif";
 
+export const RANGES = [[10, "10 s"], [60, "1 min"], [180, "3 min"], [600, "10 min"]]; // s
+
+/** Times of a running skin -> what they are called, at to [s]. */
+export const ago = (to) => (t) => (t >= to - 0.05 ? "now" : `−${(to - t).toFixed(0)} s`);
+
 export class Chart {
   constructor(canvas) {
     this.canvas = canvas;

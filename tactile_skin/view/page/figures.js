@@ -7,9 +7,11 @@ import { largest, Scales, showScale } from "./scale.js";
 
 const NAMES = ["a", "reading", "b", "std", "misfit"];
 const NARROW = 1000; // px of the page, below which one stands under the other
-const MAIN = 0.52; // of the page's width that the large picture takes at most, and
+const ROOMY = 1340; // px of the page, below which three do not stand next to each other
+const MAIN = { narrow: 0.58, landscape: 0.6 }; // of the page's width that the large picture takes
+const MIDDLE = 0.52; // at most, the same of other shapes, and
 const LEAST = 660; // px that it is high at least, if it is not too wide then
-const READING = 0.23; // the same of the raw reading
+const READING = 0.23; // of the width, the raw reading
 const ABOVE = 250; // px of the window's height that other things take
 const TRAIL = 1; // s for which a contact is followed
 const KILO = 1000; // Pa in a kPa
@@ -53,15 +55,20 @@ export class Figures {
     const { rows, cols } = this.hello;
     const main = $("desk").clientWidth;
     const wide = width >= NARROW;
-    $("desk").classList.toggle("portrait", rows > 1.5 * cols);
+    const slim = rows > 1.5 * cols ? "portrait" : cols >= 2 * rows ? "landscape" : width < ROOMY ? "narrow" : "";
+    const shape = wide ? slim : "";
+    $("desk").dataset.shape = shape;
+    const most = (MAIN[shape] ?? MIDDLE) * main;
     const tall = Math.max(height - ABOVE, LEAST);
     for (const [name, mat] of Object.entries(this.mats)) {
       const figure = $(name);
       const inside = figure.querySelector(".picture").clientWidth;
       if (figure.classList.contains("large")) mat.resize(width - 40, height - 190);
       else if (!wide) mat.resize(Math.min(inside || main, main), Math.max(0.8 * height, 300));
-      else if (name === "a") mat.resize(MAIN * main, tall);
-      else if (name === "reading") mat.resize(READING * main, rows > 1.5 * cols ? tall : READING * main);
+      else if (name === "a") mat.resize(most, tall);
+      else if (name === "reading" && shape === "landscape") mat.resize(most, tall);
+      else if (name === "reading" && shape === "narrow") mat.resize(inside, tall);
+      else if (name === "reading") mat.resize(READING * main, shape ? tall : READING * main);
       else mat.resize(inside || main / 3, 0.4 * main);
       const across = `${(mat.cell * cols) / mat.ratio}px`;
       figure.querySelector(".legend").style.width = `max(${across}, 200px)`;

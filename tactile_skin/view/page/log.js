@@ -31,12 +31,13 @@ export class Log {
     this.entries = entries;
     const rows = new Map();
     for (const entry of entries) {
-      const key = [entry.kind, entry.begin, ...entry.causes, ...entry.rows, ...entry.cols].join();
+      const key = [entry.kind, entry.begin, entry.skin, ...entry.causes, ...entry.rows, ...entry.cols].join();
       const row = this.rows.get(key) ?? this.row();
       rows.set(key, row);
       row.cells[0].textContent = clock(entry.begin, recorded);
       const button = row.cells[2].firstChild;
-      button.textContent = happened(entry);
+      const text = happened(entry);
+      button.textContent = !entry.skin || text.startsWith(`${entry.skin}/`) ? text : `${entry.skin}: ${text}`;
       button.title = button.textContent;
       button.onclick = () => this.show(entry);
       row.className = entry.kind;

@@ -121,7 +121,7 @@ export class Mat {
   number(ctx, colours) {
     ctx.fillStyle = colours.faint;
     ctx.font = FONT.replace("11px", `${12 * this.ratio}px`);
-    const step = [5, 10, 20, 50].find((n) => n * this.cell >= LABEL * this.ratio) || 100;
+    const step = [1, 5, 10, 20, 50].find((n) => n * this.cell >= LABEL * this.ratio) || 100;
     ctx.textAlign = "center";
     ctx.textBaseline = "bottom";
     for (let c = 0; c < this.cols; c += step) {

@@ -1,21 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page of a skin: takes snapshots, draws them, asks for the next.
 
-import { Chart } from "./chart.js";
+import { ago, Chart, RANGES } from "./chart.js";
 import { Connection } from "./connection.js";
 import * as facts from "./facts.js";
 import { Figures } from "./figures.js";
 import { History } from "./history.js";
 import { Log } from "./log.js";
 import { pageColours } from "./mat.js";
-import { toggle, twice } from "./buttons.js";
+import { fill, toggle, twice } from "./buttons.js";
 import { Work } from "./work.js";
 import { clock, fixed, state } from "./words.js";
 
 const OLD = 1; // s from which on data are old
 const TEXTS = 100; // ms between two changes of the texts
 const CHART = 30; // ms between two draws of the chart
-const RANGES = [[10, "10 s"], [60, "1 min"], [180, "3 min"], [600, "10 min"]]; // s
 const $ = (id) => document.getElementById(id);
 
 const colours = pageColours();
@@ -42,11 +41,6 @@ let time = 0; // s, in a recording
 
 // --- set up ---
 
-function fill(select, options, value) {
-  select.replaceChildren(...options.map(([key, text]) => new Option(text, key)));
-  select.value = value;
-}
-
 function setUp(said) {
   hello = said;
   latest = shown = last = null; // of another connection, or another board
@@ -69,6 +63,7 @@ function setUp(said) {
   $("range").hidden = $("buttons").hidden = Boolean(recorded);
   $("flat").hidden = !hello.position;
   $("all").hidden = !hello.skin;
+  $("controls").classList.toggle("off", !hello.controls);
   if (hello.skin) document.title = `${hello.skin}, tactile_skin`;
   for (const name of ["tare", "reset"]) $(name).disabled = !hello.controls;
   if (!hello.controls && !recorded) $("said").textContent = "off: launch with view_controls:=true";
@@ -76,6 +71,9 @@ function setUp(said) {
   work = new Work((name, text) => connection.ask(name, text), hello.controls);
   compared();
   resize();
+  const stamp = Number(sessionStorage.getItem("moment")); // that the page of all was asked for
+  sessionStorage.removeItem("moment");
+  if (stamp) visit(stamp);
 }
 
 function compared() {
@@ -242,9 +240,8 @@ function drawChart(now) {
   }
   const to = stampNow(now);
   const range = Number($("range").value);
-  const label = (t) => (t >= to - 0.05 ? "now" : `−${(to - t).toFixed(0)} s`);
   const cursor = frozen && shown ? shown.head.stamp : null;
-  chart.draw(history.of(to - range), to - range, to, label, limit, cursor, colours);
+  chart.draw(history.of(to - range), to - range, to, ago(to), limit, cursor, colours);
 }
 
 /** The time of the skin now [s]. */

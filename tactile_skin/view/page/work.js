@@ -76,7 +76,8 @@ export class Work {
   /** What is left of a count-down. */
   tick() {
     const left = this.until === null ? 0 : Math.ceil((this.until - performance.now()) / 1000);
-    const text = left > 0 ? `hands off: measured in ${left} s` : this.task && $("question").hidden ? "measuring" : "";
+    const [asked, none] = [!$("question").hidden, this.task ? "measuring" : ""];
+    const text = left > 0 ? (asked ? `${left} s` : `hands off: measured in ${left} s`) : asked ? "" : none;
     if ($("left").textContent !== text) $("left").textContent = text;
   }
 
