@@ -65,8 +65,11 @@ class SkinMonitor:
         # share of the suspect frames in which each is below the rest
         self._below = np.zeros(adc.circuit.shape)
         self._shakes = Shakes(adc.circuit.shape)
-        self._pressed = np.full(adc.circuit.shape, -np.inf)  # s, when each bore a load last
-        self._low = -np.inf  # s, when a reading was seen below the rest, as such a load leaves it
+        # which bear a load, or lie next to one that does; s, when they last ceased to
+        self._bears = np.zeros(adc.circuit.shape, bool)
+        self._ended = np.full(adc.circuit.shape, -np.inf)
+        # s, when a reading was seen below the rest, as such a load leaves it; whether untouched
+        self._low, self._undershoots = -np.inf, False
         self._t = np.inf  # s, of the suspect frame before
         self.begin_anew()
         self.forget_doubts()
@@ -120,7 +123,7 @@ class SkinMonitor:
         self._below = self._below + share * ((off < 0.0) - self._below)
         finding = seen.estimate.finding
         lighter = isinstance(finding, Finding) and LIGHTER in finding.numbers
-        if lighter and seen.recovers:
+        if lighter and seen.recovers and (self._undershoots or not touched):
             return True  # also where a touch raises all readings
         if not lighter or not lost.any():
             return self._hums and not touched
@@ -139,10 +142,11 @@ class SkinMonitor:
         if seen.resting is None or seen.rest is None:
             return False
         bears = maximum_filter(seen.estimate.force, 3) > STIRRED  # or lies next to one that does
-        self._pressed[bears] = seen.t
+        self._ended[self._bears & ~bears] = seen.t
+        self._bears = bears
         # the clock may be set back
-        self._pressed, self._low = np.minimum(self._pressed, seen.t), min(self._low, seen.t)
-        allowed = _UNDERSHOOT * np.exp((self._pressed - seen.t) / _RECOVERS)
+        self._ended, self._low = np.minimum(self._ended, seen.t), min(self._low, seen.t)
+        allowed = _UNDERSHOOT * np.exp((self._ended - seen.t) / _RECOVERS)
         circuit, adc = self._adc.circuit, np.where(np.isnan(seen.adc), seen.rest, seen.adc)
         if not (allowed * seen.rest > seen.noise).any():
             return False
@@ -152,6 +156,7 @@ class SkinMonitor:
             if (adc < self._loaded(least, adc) - margin).any():
                 return False
             self._low = seen.t
+            self._undershoots |= bool(seen.estimate.force.max() < TOUCHED)
         return seen.t - self._low < 2.0 * _RECOVERS
 
     def _loaded(self, rest: np.ndarray, adc: np.ndarray) -> np.ndarray:
