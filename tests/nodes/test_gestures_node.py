@@ -10,7 +10,7 @@ import pytest
 from support.bench import Bench
 from support.patience import PATIENCE, until
 
-from tactile_skin.middleware.bus import Context, MultiThreadedExecutor, Node
+from tactile_skin.middleware.bus import Context, MultiThreadedExecutor, Node, Parameter
 from tactile_skin.msg import Bool, Header, Image, PointCloud2, String, cloud, cloud_columns, image
 from tactile_skin.nodes.observers import gestures
 from tactile_skin.nodes.observers.gestures import SHIPPED, Gestures
@@ -31,7 +31,8 @@ class Skin(Bench):
     def __init__(self, **parameters):
         super().__init__()
         self.seen, self.named = defaultdict(list), []
-        handle, observer = self.node("gestures", parameters), self.node("observer")
+        given = {"model": "shipped"} | parameters
+        handle, observer = self.node("gestures", given), self.node("observer")
         topics = {"skin/gesture": String} | dict.fromkeys(
             ("skin/gesture_classes", "skin/gestures"), PointCloud2
         )
@@ -119,6 +120,17 @@ def test_a_model_that_is_none_is_an_error_that_names_the_file(tmp_path):
         Skin(model=str(path))
 
 
+@pytest.mark.parametrize(
+    ("model", "said"), [("", "record yours"), ("shipped", "simulated hands: of real ones it names")]
+)
+def test_what_is_no_use_on_real_hands_is_said_and_off_by_itself(model, said, caplog):
+    skin = Skin(model=model)
+    (line,) = (record.getMessage() for record in caplog.records)
+    assert said in line
+    skin.do("stroke")
+    assert bool(skin.named) == any(skin.seen.values()) == bool(model)
+
+
 def test_what_the_model_is_not_sure_of_is_other():
     skin = Skin(min_probability=1.0)
     skin.do("stroke")
@@ -147,7 +159,8 @@ def test_a_recogniser_that_hangs_or_raises_neither_keeps_a_stop_back_nor_ends_on
     contacts = feeler.create_publisher(PointCloud2, "skin/contacts", 10)
     pressure = feeler.create_publisher(Image, "skin/pressure", 10)
     for kind in (Gestures, StopOnPush):
-        node = Node(kind.__name__.lower(), context=context)
+        shipped = [Parameter("model", "shipped")] if kind is Gestures else []
+        node = Node(kind.__name__.lower(), context=context, parameter_overrides=shipped)
         executor.add_node(node)
         kind(node)
     feeler.create_subscription(Bool, "skin/stop", lambda m: said.append(m.data), LATCHED)
