@@ -19,7 +19,7 @@ from tactile_skin.nodes.stop_on_push import LATCHED, StopOnPush
 from tactile_skin.simulation.people.hands import GESTURES, Person, perform
 from tactile_skin.simulation.people.mat import Mat
 from tactile_skin.touch.episode import FEATURES
-from tactile_skin.touch.model import load_model
+from tactile_skin.touch.model import OTHER, load_model
 
 CELL_AREA = 1.44e-4  # m^2
 MAT = Mat(16, 16, 0.018)
@@ -64,11 +64,12 @@ def test_what_a_hand_does_is_named_on_the_topics_and_to_hooks():
         assert [named.name for named in skin.named] == names
         if not names:  # too light to be felt
             continue
+        assert names[-1] in (gesture, OTHER)
         right += names[-1] == gesture
         last = skin.named[-1]
         assert last.id >= 1 and 0.0 < last.duration < 8.0
         assert np.abs(last.position[1:]).max() < 0.15
-    assert right >= 9
+    assert right >= 8
 
 
 def test_the_cloud_has_a_column_for_each_class():
@@ -121,7 +122,7 @@ def test_a_model_that_is_none_is_an_error_that_names_the_file(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("model", "said"), [("", "record yours"), ("shipped", "simulated hands: of real ones it names")]
+    ("model", "said"), [("", "record yours"), ("shipped", "simulated hands: of a real one")]
 )
 def test_what_is_no_use_on_real_hands_is_said_and_off_by_itself(model, said, caplog):
     skin = Skin(model=model)
