@@ -47,10 +47,9 @@ def simulated(
             makes: Callable = functools.partial(perform, gesture, person)
             yield _take(gesture, f"simulated {number}", makes, seed)
     times = dict.fromkeys(events, happenings) | {"anything": ANYTHING * happenings}
-    first = people.start * 10_000
     for kind, n in times.items():
         makes = anything if kind == "anything" else functools.partial(happen, kind)
-        for number in range(first, first + n):
+        for number in range(people.start * 10_000, people.start * 10_000 + n):
             yield _take(OTHER, f"{kind} {number}", makes, number)
 
 

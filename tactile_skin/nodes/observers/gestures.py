@@ -103,8 +103,7 @@ class Gestures:
         return cloud_of(("x", "y", "z", "id", "state", *FEATURES), rows, header)
 
     def _position(self, gesture: Named) -> np.ndarray:
-        row, col = (round(place) for place in gesture.place)
-        return self.geometry.position[row, col]
+        return self.geometry.position[tuple(map(round, gesture.place))]
 
     def _touch_at(self, at: np.ndarray) -> float:
         if not len(self._contacts):

@@ -151,8 +151,7 @@ def _fluctuation(steps: int, period: float, rng: np.random.Generator) -> np.ndar
 
     keeps = np.exp(-period / _CORRECTS)
     noise = rng.standard_normal(steps) * np.sqrt(1.0 - keeps**2)
-    start = rng.standard_normal()
-    return lfilter([1.0], [1.0, -keeps], noise, zi=[keeps * start])[0]
+    return lfilter([1.0], [1.0, -keeps], noise, zi=[keeps * rng.standard_normal()])[0]
 
 
 def pulse(t: np.ndarray, start: float, duration: float, rise: float = 0.35) -> np.ndarray:
