@@ -73,7 +73,7 @@ def test_one_person_among_many_events_is_left_out_by_takes(table):
 
 def test_simulated_hands_are_as_hard_and_as_wide_as_real_ones():
     """In the median, but for a third."""
-    table = table_of(list(simulated(range(60, 64), 1, 0, gestures=tuple(REAL))))
+    table = table_of(list(simulated(range(60, 66), 1, 0, gestures=tuple(REAL))))
     for gesture, between in REAL.items():
         rows = table.features[table.end & (table.label == gesture)]
         for name, (low, high) in zip(("force_max", "swept_area"), between, strict=True):
