@@ -21,7 +21,7 @@ _RECORD_YOURS = (
     "no gesture is named without gestures.model: record yours, 'tactile-skin gestures record NAME';"
     " 'gestures train takes/ --out mine.gestures.npz' makes the file that it is set to"
 )
-_SIMULATED = "gestures.model: shipped knows simulated hands: of a real one it names 36 % rightly"
+_SIMULATED = "gestures.model: shipped knows simulated hands: of a real one it names 35 % rightly"
 _FIELDS = ("x", "y", "z", "id", "touch", "state", "force", "duration", "label")
 _CODE = {state: float(code) for code, state in enumerate(STATES)}
 _SAME = 2.0  # pitches within which a gesture is of a touch in skin/contacts
