@@ -141,8 +141,9 @@ def _markdown(thing: object) -> str:
 def qos() -> str:
     """Return a page of each topic of a skin's nodes: how it is published, and how it is heard."""
     found: dict[str, tuple[set[str], set[str]]] = {}
+    given = [Parameter("port", "loop://"), Parameter("model", "shipped")]
     for kind in SHOWN:
-        node = Node(kind, context=Context(), parameter_overrides=[Parameter("port", "loop://")])
+        node = Node(kind, context=Context(), parameter_overrides=given)
         made = node_class(kind)(node)
         for at, ends in enumerate((node._publishers, node._subscriptions)):
             for end in ends:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import product
 
 import numpy as np
@@ -18,10 +18,11 @@ from ..touch.model import OTHER
 from ..touch.take import Take
 
 MATS = (Mat(16, 16, 0.018), Mat(20, 12, 0.014), Mat(16, 24, 0.025))
-PERIODS = (0.04, 0.04, 0.08)  # s between pictures: of the recogniser, and of a slow board
+PERIODS = (0.04, 0.08, 0.08)  # s between pictures: of the recogniser, and of a slow board
 PEOPLE = 40
-REPETITIONS = 4
-HAPPENINGS = 240  # of each kind of event
+REPETITIONS = 3
+HAPPENINGS = 120  # of each kind of event
+_COVERS = (0.0, 0.018)  # m, standard deviations by which covers spread pressure
 ANYTHING = 8  # contacts of any kind, times as many as events of one kind
 
 
@@ -43,18 +44,20 @@ def simulated(
         person = Person(number)
         for gesture, repetition in product(gestures, range(repetitions)):
             seed = number * 10_000 + list(GESTURES).index(gesture) * 100 + repetition
-            mat, period = MATS[seed % 3], PERIODS[(seed // 3) % 3]
-            pictures = perform(gesture, person, mat, seed, period)
-            yield _take(gesture, f"simulated {number}", pictures, period, mat)
+            makes: Callable = functools.partial(perform, gesture, person)
+            yield _take(gesture, f"simulated {number}", makes, seed)
     times = dict.fromkeys(events, happenings) | {"anything": ANYTHING * happenings}
-    first = people.start * 10_000
     for kind, n in times.items():
         makes = anything if kind == "anything" else functools.partial(happen, kind)
-        for number in range(first, first + n):
-            mat, period = MATS[number % 3], PERIODS[(number // 3) % 3]
-            yield _take(OTHER, f"{kind} {number}", makes(mat, number, period), period, mat)
+        for number in range(people.start * 10_000, people.start * 10_000 + n):
+            yield _take(OTHER, f"{kind} {number}", makes, number)
 
 
-def _take(label: str, person: str, pictures: np.ndarray, period: float, mat: Mat) -> Take:
-    felt = np.where(pictures > LIMIT, pictures, 0.0)
-    return Take(label, person, felt, period, mat.pitch)
+def _take(label: str, person: str, makes: Callable, seed: int) -> Take:
+    """Return what is made on a mat under a cover, read at some rate: the seed picks all three."""
+    from scipy.ndimage import gaussian_filter  # here: most simulated boards feel no hands
+
+    mat, period = MATS[seed % 3], PERIODS[(seed // 3) % 3]
+    spread = np.random.default_rng([seed, 13]).uniform(*_COVERS) / mat.pitch
+    pictures = gaussian_filter(makes(mat, seed, period), (0.0, spread, spread))
+    return Take(label, person, np.where(pictures > LIMIT, pictures, 0.0), period, mat.pitch)

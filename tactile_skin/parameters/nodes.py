@@ -136,7 +136,7 @@ class Gestures:
     circuit: Circuit = group(Circuit)
     geometry: Geometry = group(Geometry)
     model: str = parameter(
-        "", "", "file written by `tactile-skin gestures train`; empty: the shipped one"
+        "", "", "written by `gestures train`; empty: none; shipped: trained on simulated hands"
     )
     min_probability: float = parameter(
         0.7, "", "from which on a gesture is named; less sure ones are 'other'", 0.3, 1.0, live=True

@@ -326,18 +326,10 @@ class Recogniser:
             opinion = self._opinions[gesture.id]
             decided = self._judge(gesture, opinion)
             state = DECIDED if decided and gesture.state != ENDED else gesture.state
+            said = opinion.label, opinion.probabilities, opinion.features
+            seen = self._gathering.cells.place(*gesture.place), gesture.force
             named.append(
-                Named(
-                    gesture.id,
-                    state,
-                    decided,
-                    opinion.label,
-                    opinion.probabilities,
-                    opinion.features,
-                    self._gathering.cells.place(*gesture.place),
-                    gesture.force,
-                    gesture.seen - gesture.start,
-                )
+                Named(gesture.id, state, decided, *said, *seen, gesture.seen - gesture.start)
             )
         return named
 

@@ -36,7 +36,7 @@ def takes(tmp_path_factory):
 
 def test_a_recogniser_is_trained_from_ones_own_takes(takes, tmp_path, capsys):
     out = tmp_path / "mine.gestures.npz"
-    assert cli.main(["gestures", "train", str(takes), "--alone", "--out", str(out)]) == 0
+    assert cli.main(["gestures", "train", str(takes), "--out", str(out)]) == 0
     model = load_model(out)
     assert model.classes == ("poke", "stroke", "tickle")
     assert model.about["takes"] == dict.fromkeys(model.classes, 9)
@@ -165,7 +165,7 @@ def test_a_labelled_table_is_takes_of_each_of_its_classes(labelled, tmp_path, ca
 
 def test_a_recogniser_is_trained_from_a_labelled_table(labelled, tmp_path):
     table, config = labelled
-    words = ["--alone", "--config", str(config), "--out", str(tmp_path / "model.npz")]
+    words = ["--config", str(config), "--out", str(tmp_path / "model.npz")]
     assert cli.main(["gestures", "train", str(table), *words]) == 0
     assert load_model(tmp_path / "model.npz").about["takes"] == {"press": 3, "stroke": 3}
 

@@ -12,6 +12,15 @@ from tactile_skin.touch.take import Take
 
 pytest.importorskip("sklearn")
 KNOWN = ("pat", "poke", "stroke", "tickle")
+# 10 % and 90 % of a real person's takes (person 0 of benchmarks/gestures/recorded.py)
+REAL = {  # most force [N], area of all cells that were touched [m^2]
+    "hold": ((19.2, 78.2), (0.027, 0.060)),
+    "pat": ((3.8, 21.2), (0.007, 0.013)),
+    "poke": ((2.5, 8.6), (0.004, 0.006)),
+    "slap": ((18.6, 106.0), (0.018, 0.033)),
+    "stroke": ((10.0, 52.7), (0.033, 0.083)),
+    "tickle": ((1.0, 6.2), (0.007, 0.051)),
+}
 
 
 @pytest.fixture(scope="module")
@@ -60,6 +69,16 @@ def test_one_person_among_many_events_is_left_out_by_takes(table):
     mine = np.isin(table.person, ("simulated 0",)) | (table.label == OTHER)
     shares = left_out(type(table)(*(part[mine] for part in table)), trees=5)
     assert shares.sum(1) == pytest.approx(1.0)
+
+
+def test_simulated_hands_are_as_hard_and_as_wide_as_real_ones():
+    """In the median, but for a third."""
+    table = table_of(list(simulated(range(60, 66), 1, 0, gestures=tuple(REAL))))
+    for gesture, between in REAL.items():
+        rows = table.features[table.end & (table.label == gesture)]
+        for name, (low, high) in zip(("force_max", "swept_area"), between, strict=True):
+            usual = np.exp(np.median(rows[:, FEATURES.index(name)]))
+            assert low / 1.5 < usual < high * 1.5, (gesture, name)
 
 
 def test_a_take_without_a_touch_is_left_out():

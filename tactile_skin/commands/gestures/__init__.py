@@ -52,12 +52,12 @@ def register(parser) -> None:
     record.add_argument(
         "--out", type=Path, default=Path("takes"), metavar="FOLDER", help="default takes/"
     )
-    train = step("train", "a recogniser from takes, and from simulated hands")
+    train = step("train", "a recogniser from takes; without any, from simulated hands")
     train.add_argument("takes", nargs="*", metavar="TAKES", help=_TAKES)
     train.add_argument("--out", type=Path, required=True, metavar="FILE", help="model to write")
-    train.add_argument(
-        "--alone", action="store_true", help="from your takes alone, without simulated hands"
-    )
+    hands = "add simulated hands and contacts, which a few takes are lost in"
+    train.add_argument("--simulated", action="store_true", help=hands)
+    train.add_argument("--alone", action="store_true", help=argparse.SUPPRESS)  # it was no default
     train.add_argument("--jobs", type=int, default=1, help="processes (default 1)")
     evaluate = step("evaluate", "which gestures are taken for which, people left out in turn")
     evaluate.add_argument("takes", nargs="+", metavar="TAKES", help=_TAKES)

@@ -39,15 +39,15 @@ def _read(args) -> list[Take]:
 
 
 def train(args) -> int:
-    if args.alone and not args.takes:
-        raise ValueError("--alone needs takes: name their files or folders")
+    if args.alone and (args.simulated or not args.takes):
+        raise ValueError("--alone needs takes and no --simulated: name their files or folders")
     takes = _read(args)
     count = Counter(take.label for take in takes)
     few = [f"{name}: {n}" for name, n in sorted(count.items()) if n < _FEW]
     if few:
         raise ValueError(f"{_FEW} takes of a gesture at least are needed; of {', '.join(few)}")
     people = sorted({take.person for take in takes})
-    if not args.alone:
+    if args.simulated or not takes:
         takes += extras.track(simulated(), desc="simulated hands")
         people.append(f"{PEOPLE} simulated")
     table = table_of(takes, track=functools.partial(extras.track, desc="features"), jobs=args.jobs)

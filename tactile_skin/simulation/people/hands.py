@@ -20,11 +20,12 @@ _SIZES = (0.72, 1.25)
 _STRENGTH_STD = 0.45  # of its logarithm
 _TEMPO_STD = 0.22  # of its logarithm
 _TREMOR = 0.0006  # m
-_TREMOR_STD = 0.4  # of its logarithm
 # Standard deviation of a force that is held, as a share of it: chosen so that it changes about as
 # much from picture to picture as that of recorded hands (docs/lab/gestures.md).
 _UNSTEADY = 0.02
-_UNSTEADY_STD = 0.4  # of its logarithm
+_CALM_STD = 0.4  # of the logarithms of a tremor and of how unsteady a force is
+_LEANS = 0.5  # std of the logarithm of what each part of a hand bears
+_ROLLS = (0.0, 0.9)  # shares of the largest force at which the last part of a hand lands
 _CORRECTS = 0.15  # s in which such a variation is forgotten: most of it is below 2 Hz
 _LEFT_HANDED = 0.15  # share of people
 _OWN = 0.65  # share of a gesture's number that is the person's own; the rest is this performance's
@@ -36,11 +37,8 @@ Pad = tuple[float, float, float, float, float]  # x, y, radius along x, along y 
 
 
 def _finger(x: float, end: float) -> list[Pad]:
-    return [
-        (x, end, 0.009, 0.011, 1.0),
-        (x, end - 0.026, 0.009, 0.010, 0.7),
-        (x, end - 0.050, 0.010, 0.011, 0.8),
-    ]
+    middle, root = (x, end - 0.026, 0.009, 0.010, 0.7), (x, end - 0.050, 0.010, 0.011, 0.8)
+    return [(x, end, 0.009, 0.011, 1.0), middle, root]
 
 
 # Pads of a hand of size 1 whose fingers point to +y [m].
@@ -52,6 +50,7 @@ _PALM: list[Pad] = [
     (0.024, -0.032, 0.017, 0.030, 1.2),
     (0.0, -0.062, 0.032, 0.012, 0.9),
 ]
+_HEEL: Pad = (0.0, -0.022, 0.036, 0.010, 0.6)  # of a fist
 _THUMB: list[Pad] = [(0.058, -0.002, 0.011, 0.013, 0.8)]
 POSES: dict[str, list[Pad]] = {
     "flat": _PALM + [pad for finger in _FINGERS for pad in _finger(*finger)] + _THUMB,
@@ -62,10 +61,7 @@ POSES: dict[str, list[Pad]] = {
     "two tips": _TIPS[:2],
     "tip": [(0.0, 0.0, 0.009, 0.010, 1.0)],
     "thumb": [(0.0, 0.0, 0.012, 0.015, 1.0)],
-    "fist": [
-        *((x, 0.0, 0.010, 0.013, 1.0) for x in (-0.03, -0.01, 0.01, 0.03)),
-        (0.0, -0.022, 0.036, 0.010, 0.6),
-    ],
+    "fist": [*((x, 0.0, 0.010, 0.013, 1.0) for x in (-0.03, -0.01, 0.01, 0.03)), _HEEL],
     "side": [(0.0, 0.035, 0.012, 0.030, 1.0), (0.0, -0.030, 0.013, 0.030, 1.1)],
 }
 
@@ -79,10 +75,10 @@ class Person:
         self.size = float(np.clip(rng.normal(1.0, _SIZE_STD), *_SIZES))
         self.strength = float(np.exp(_STRENGTH_STD * rng.standard_normal()))
         self.tempo = float(np.exp(_TEMPO_STD * rng.standard_normal()))
-        self.tremor = float(_TREMOR * np.exp(_TREMOR_STD * rng.standard_normal()))
+        self.tremor = float(_TREMOR * np.exp(_CALM_STD * rng.standard_normal()))
         self.rough = float(rng.uniform(0.15, 0.5))
         own = np.random.default_rng([number, 12])
-        self.unsteady = float(_UNSTEADY * np.exp(_UNSTEADY_STD * own.standard_normal()))
+        self.unsteady = float(_UNSTEADY * np.exp(_CALM_STD * own.standard_normal()))
         self.left = bool(rng.random() < _LEFT_HANDED)
         self._habits: dict[str, float] = {}
         self._tastes: dict[str, np.ndarray] = {}
@@ -127,14 +123,17 @@ def pressed(
     force = hand.force * (1.0 + person.unsteady * _fluctuation(steps, period, rng))
     pads = np.array(POSES[hand.pose])
     pads[:, :2] -= np.average(pads[:, :2], axis=0, weights=pads[:, 4])
+    leans = np.exp(_LEANS * np.array([_fluctuation(steps, period, rng) for _ in pads]).T)
+    late = (pads[:, :2] @ rng.standard_normal(2)).argsort().argsort() / len(pads)
+    lands = hand.force[:, None] / max(hand.force.max(), 1e-9) - rng.uniform(*_ROLLS) * late
+    own = np.maximum(lands, 0.0) if hand.weights is None else hand.weights
+    weights = pads[:, 4] * leans * own
     for k in hand.force.nonzero()[0]:
         u, v = mat.around(hand.at[k] + tremor[k], hand.angle)
         if person.left:
             u = -u
         picture = np.zeros(skin.shape)
-        for pad, (px, py, rx, ry, weight) in enumerate(pads.tolist()):
-            if hand.weights is not None:
-                weight = weight * hand.weights[k, pad]
+        for (px, py, rx, ry, _), weight in zip(pads.tolist(), weights[k], strict=True):
             along = (u - px * person.size) / (rx * person.size * _PAD)
             across = (v - py * person.size) / (ry * person.size * _PAD)
             if weight > 0.0:
@@ -152,8 +151,7 @@ def _fluctuation(steps: int, period: float, rng: np.random.Generator) -> np.ndar
 
     keeps = np.exp(-period / _CORRECTS)
     noise = rng.standard_normal(steps) * np.sqrt(1.0 - keeps**2)
-    start = rng.standard_normal()
-    return lfilter([1.0], [1.0, -keeps], noise, zi=[keeps * start])[0]
+    return lfilter([1.0], [1.0, -keeps], noise, zi=[keeps * rng.standard_normal()])[0]
 
 
 def pulse(t: np.ndarray, start: float, duration: float, rise: float = 0.35) -> np.ndarray:
@@ -197,6 +195,14 @@ class _Stage:
     def still(self, t: np.ndarray) -> np.ndarray:
         return np.repeat(self.place[None], len(t), 0)
 
+    def hands(self, pose: str, force, at) -> np.ndarray:
+        """Return what one hand presses, or two side by side."""
+        one = self.show(pose, force, at)
+        if not self.way("hands", False, False, True):
+            return one
+        across = self.number("apart", 0.07, 0.2) * np.array([-self.along[1], self.along[0]])
+        return one + self.show(pose, force, at + across)
+
     def show(self, pose: str, force, at, weights=None) -> np.ndarray:
         hand = Hand(pose, force, at, self.angle, weights)
         return pressed(self.mat, hand, self.person, self.rng, self.period)
@@ -214,36 +220,40 @@ def _tap(s: _Stage) -> np.ndarray:
 
 
 def _poke(s: _Stage) -> np.ndarray:
-    duration = s.number("duration", 0.15, 0.7) / s.person.tempo
+    duration = s.number("duration", 0.1, 0.6) / s.person.tempo
     t = s.times(duration + 0.1)
-    force = pulse(t, _START, duration, s.rng.uniform(0.2, 0.6)) * s.force(3.0, 20.0)
+    force = ramp(t, duration + _START, s.rng.uniform(0.02, 0.15), 0.08) * s.force(2.0, 14.0)
     return s.show(s.way("pose", "tip", "tip", "thumb", "two tips"), force, s.still(t))
 
 
 def _pat(s: _Stage) -> np.ndarray:
-    times, duration = int(s.rng.integers(2, 6)), s.number("duration", 0.11, 0.3) / s.person.tempo
-    every = duration + s.number("gap", 0.12, 0.45) / s.person.tempo
+    times, duration = int(s.rng.integers(2, 12)), s.number("duration", 0.11, 0.3) / s.person.tempo
+    every = duration + s.number("gap", 0.07, 0.22) / s.person.tempo
     t = s.times(times * every + 0.06)
     at, force = s.still(t), np.zeros(len(t))
     for i in range(times):
         push = pulse(t, _START + i * every, duration)
-        force += push * s.force(2.5, 20.0) * s.rng.uniform(0.75, 1.3)
-        at[push > 0.0] += s.rng.normal(0.0, 0.006, 2)
-    return s.show(s.way("pose", "flat", "fingers", "flat", "palm"), force, at)
+        force += push * s.force(3.0, 25.0) * s.rng.uniform(0.75, 1.3)
+        at[push > 0.0] += s.rng.normal(0.0, 0.012, 2)
+    return s.show(
+        s.way("pose", "flat", "fingers", "four tips", "three tips", "two tips"), force, at
+    )
 
 
 def _slap(s: _Stage) -> np.ndarray:
-    duration = s.number("duration", 0.05, 0.16)
+    duration = s.number("duration", 0.1, 0.7)
     t = s.times(duration + 0.12)
     start = _START + s.rng.uniform(0.0, s.period)
-    force = pulse(t, start, duration, 0.25) * s.force(18.0, 110.0)
-    return s.show(s.way("pose", "flat", "fingers", "fist", "palm", "side"), force, s.still(t))
+    force = pulse(t, start, duration, 0.25) * s.force(18.0, 120.0)
+    roll = np.clip((t - start) / duration, 0.0, 1.0)[:, None] - 0.5
+    at = s.still(t) + s.number("roll", 0.02, 0.25) * roll * s.along
+    return s.show(s.way("pose", "flat", "flat", "fingers", "side"), force, at)
 
 
 def _stroke(s: _Stage) -> np.ndarray:
     times = s.way("times", 1, 1, 1, 2, 3)
-    speed = s.number("speed", 0.04, 0.35) * s.person.tempo
-    length = min(s.number("length", 0.09, 0.25), 0.85 * s.mat.size.max())
+    speed = s.number("speed", 0.11, 0.4) * s.person.tempo
+    length = min(s.number("length", 0.12, 0.35), 0.85 * s.mat.size.max())
     duration, gap = length / speed, s.number("gap", 0.15, 0.5)
     t = s.times(times * duration + (times - 1) * gap + 0.1)
     at, force = s.still(t), np.zeros(len(t))
@@ -253,8 +263,8 @@ def _stroke(s: _Stage) -> np.ndarray:
         on = (u > 0.0) & (u < 1.0)
         at[on] = middle + s.along * length * (u[on, None] - 0.5)
         edge = np.clip(np.minimum(u, 1.0 - u) * duration / 0.1, 0.0, 1.0)
-        force += edge * s.force(0.8, 10.0) * s.rng.uniform(0.8, 1.2)
-    return s.show(s.way("pose", "flat", "fingers", "four tips", "tip", "palm"), force, at)
+        force += edge * s.force(3.0, 50.0) * s.rng.uniform(0.8, 1.2)
+    return s.hands(s.way("pose", "flat", "flat", "fingers", "flat", "palm"), force, at)
 
 
 def _rub(s: _Stage) -> np.ndarray:
@@ -271,16 +281,16 @@ def _rub(s: _Stage) -> np.ndarray:
 
 
 def _tickle(s: _Stage) -> np.ndarray:
-    duration, frequency = s.number("duration", 0.9, 3.0), s.number("frequency", 2.5, 8.0)
+    duration, frequency = s.number("duration", 1.2, 6.5), s.number("frequency", 2.5, 8.0)
     t, pose = s.times(duration + 0.1), s.way("pose", "four tips", "four tips", "three tips")
     tips = len(POSES[pose])
     each = frequency * s.person.tempo * s.rng.uniform(0.8, 1.25, tips)
     wave = np.sin(2 * np.pi * each * t[:, None] + s.rng.uniform(0.0, 6.3, tips))
-    weights = np.clip(wave + s.rng.uniform(-0.5, 0.3), 0.0, None)
+    weights = np.clip(wave + s.rng.uniform(-0.3, 0.6), 0.0, None)
     weights = np.clip(weights * (1.0 + 0.3 * s.rng.standard_normal(weights.shape)), 0.0, None)
-    strength = s.number("force", 0.25, 1.5) * s.person.strength**0.5
+    strength = s.number("force", 0.5, 3.0) * s.person.strength**0.5
     force = ramp(t, duration + _START, 0.08, 0.08) * weights.sum(1) * strength
-    drift = s.rng.normal(0.0, s.number("drift", 0.001, 0.006), (len(t), 2))
+    drift = s.rng.normal(0.0, s.number("drift", 0.002, 0.012), (len(t), 2))
     # per 20 ms: a walk that depends on the time, not on the pictures
     at = s.still(t) + np.cumsum(drift, 0) * np.sqrt(s.period / 0.02)
     return s.show(pose, force, at, weights)
@@ -308,11 +318,12 @@ def _press(s: _Stage) -> np.ndarray:
 
 
 def _hold(s: _Stage) -> np.ndarray:
-    duration, up = s.number("duration", 0.9, 4.0), s.number("rise", 0.1, 0.5)
+    duration, up = s.number("duration", 1.5, 4.0), s.number("rise", 0.05, 0.4)
     t = s.times(duration + up + 0.3)
     breath = 1.0 + 0.08 * np.sin(2 * np.pi * 0.4 * t + s.rng.uniform(0.0, 6.0))
-    force = ramp(t, duration + up + 0.2, up, 0.2) * s.force(1.5, 13.0) * breath
-    return s.show(s.way("pose", "flat", "flat", "fingers", "palm"), force, s.still(t))
+    force = ramp(t, duration + up + 0.2, up, 0.2) * s.force(6.0, 90.0) * breath
+    at = s.still(t) + s.number("drift", 0.002, 0.05) * t[:, None] / t[-1] * s.along
+    return s.hands(s.way("pose", "flat", "flat", "flat", "palm"), force, at)
 
 
 def _squeeze(s: _Stage) -> np.ndarray:
@@ -333,12 +344,8 @@ def _massage(s: _Stage) -> np.ndarray:
     force = ramp(t, duration + 0.1, s.number("rise", 0.08, 0.35), 0.15) * s.force(8.0, 50.0)
     circle = np.stack([np.cos(phase), np.sin(phase)], 1)
     turns = s.way("turns", 1.0, -1.0, 0.5)
-    return _between(
-        s,
-        force * (0.55 + 0.45 * np.sin(phase)),
-        force * (0.55 - 0.45 * np.sin(phase) * turns),
-        s.still(t) + s.number("reach", 0.004, 0.02) * circle,
-    )
+    front, back = (force * (0.55 + 0.45 * np.sin(phase) * turn) for turn in (1.0, -turns))
+    return _between(s, front, back, s.still(t) + s.number("reach", 0.004, 0.02) * circle)
 
 
 def _between(s: _Stage, front: np.ndarray, back: np.ndarray, at: np.ndarray) -> np.ndarray:
@@ -349,10 +356,7 @@ def _between(s: _Stage, front: np.ndarray, back: np.ndarray, at: np.ndarray) -> 
     return fingers + s.show(s.way("back", "thumb", "palm"), back, at - 0.85 * axis)
 
 
-_ALL = (
-    *(_tap, _pat, _poke, _stroke, _rub, _tickle),
-    *(_scratch, _squeeze, _press, _hold, _slap, _massage),
-)
+_ALL = _tap, _pat, _poke, _stroke, _rub, _tickle, _scratch, _squeeze, _press, _hold, _slap, _massage
 GESTURES: dict[str, Callable[[_Stage], np.ndarray]] = {f.__name__[1:]: f for f in _ALL}
 
 
