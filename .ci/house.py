@@ -10,12 +10,12 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 MARGIN = 1.03  # times the decided size that is allowed: the house grows by a decision only
-DECIDED = {  # what -> size as of 28 November 2026: lines, words or constants
-    "package, Python lines": 38400,
+DECIDED = {  # what -> size as of 29 November 2026: lines, words or constants
+    "package, Python lines": 38600,
     "package, C lines": 1045,
     "package, page lines": 2441,
-    "tests, Python lines": 35900,
-    "benchmarks, Python lines": 12430,
+    "tests, Python lines": 36500,
+    "benchmarks, Python lines": 12450,
     "docs, words": 37950,
     "numeric constants of modules": 910,
 }
