@@ -295,7 +295,7 @@ def written(folder, circuit: str, compensation: str = "") -> str:
 
 def test_one_cell_is_refused_by_the_configuration(tmp_path):
     """It has no second reading to compare with: the robot would wait for ever, or trust a wire."""
-    with pytest.raises(ValueError, match=r"mine.yaml: circuit.rows = 1, .*two cells or more"):
+    with pytest.raises(ValueError, match=r"mine.yaml: line 1: circuit.rows = 1, .*two cells or more"):
         read_skin(written(tmp_path, "rows: 1, cols: 1, r_ref: 10000.0"))
     assert read_skin(written(tmp_path, "rows: 1, cols: 2")).circuit.shape == (1, 2)
 
@@ -308,7 +308,7 @@ def test_a_table_is_configured_by_name_or_as_a_list(tmp_path, table):
 
 @pytest.mark.parametrize("table", ["esp8266", "[1.0, 2.0, 3.0]", "true", "[a, b, c, d]"])
 def test_a_configured_table_that_is_none_is_refused_by_name(tmp_path, table):
-    with pytest.raises(ValueError, match=r"mine.yaml: adc_table = .*: must be"):
+    with pytest.raises(ValueError, match=r"mine.yaml: line 1: adc_table = .*: must be"):
         read_skin(written(tmp_path, f"rows: 8, cols: 8, adc_table: {table}"))
 
 
