@@ -16,7 +16,7 @@ PALM = 45.0 * np.exp(-((np.indices((8, 8)) - 3.4) ** 2).sum(0) / 8.0)
 PALM /= PALM.sum() / 45.0
 
 
-def played(readout, force, law=lambda t, excess: excess, rate=25, seconds=3.0):
+def played(readout, force, law=lambda t, excess: excess, rate=25, seconds=2.0):
     """What is said of force(t) on a board that prints law(t, excess over rest)."""
     circuit, rng = Circuit(8, 8, readout=readout, r_ref=500.0), np.random.default_rng(4)
     check, rest = MovingZero(Adc(circuit)), forward(circuit, CURVE.resistance(0.0 * PALM))

@@ -340,10 +340,10 @@ def test_what_rests_lower_after_a_release_is_no_fault_under_the_next_push():
     sound, beside = board.rest, np.roll(PUSH, 2, axis=1)
     board.feel(PUSH, 100)
     found = []
-    for k in range(300):
+    for k in range(140):
         share = 0.35 * np.exp(-k * FRAME / 3.0)  # of its conductance, as Velostat under a robot
         board.rest = sound / (1.0 - share * (PUSH > 0.02))
-        board.feel(NOTHING if k < 100 else 2.0 * beside)
+        board.feel(NOTHING if k < 40 else 2.0 * beside)
         found += board.skin.findings()
     assert not [str(f) for f in found if f.stops]
 
@@ -356,7 +356,7 @@ def test_a_cover_that_shakes_in_step_with_the_frames_lies_heavier_elsewhere(lift
     wave = np.sin(np.arange(8) * 0.9) * np.ones((8, 1))
     wave = wave if lifts else np.minimum(wave, 0.0)
     sound = board.rest
-    for k in range(400):
+    for k in range(150):
         board.rest = sound / (1.0 + 0.2 * wave * min(1.0, k / 10))
         board.feel(NOTHING)
     assert board.skin.fault is not lifts

@@ -23,7 +23,7 @@ _SEEN = 0.3  # of the largest change of a reading, in a frame that shows a touch
 _HARD = 0.8  # the same, of a hard touch
 HARDEST = 12  # touches that a circuit is tried by; and as many at even steps of hardness
 _STUCK = 0.9  # of the conductance at the curve's end: what conducts more at rest is stuck
-_TIME = 0.1  # s for a frame that no cells explain
+_TIME = 0.2  # s for a frame that no cells explain
 WIDTHS = (8, 10, 12, 14, 16)  # bits of ADCs
 
 
