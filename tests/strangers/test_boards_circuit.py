@@ -295,7 +295,7 @@ def written(folder, circuit: str, compensation: str = "") -> str:
 
 def test_one_cell_is_refused_by_the_configuration(tmp_path):
     """It has no second reading to compare with: the robot would wait for ever, or trust a wire."""
-    with pytest.raises(ValueError, match=r"mine.yaml: line 1: circuit.rows = 1, .*two cells or more"):
+    with pytest.raises(ValueError, match=r"line 1: circuit.rows = 1, .*two cells or more"):
         read_skin(written(tmp_path, "rows: 1, cols: 1, r_ref: 10000.0"))
     assert read_skin(written(tmp_path, "rows: 1, cols: 2")).circuit.shape == (1, 2)
 
