@@ -51,7 +51,7 @@ def test_each_node_of_a_skin_as_a_process(graph, plain, ros2, tmp_path):
             limit = "/stop_on_push threshold"
             for words, said in (
                 ("topic echo --once --no-daemon /skin/stop std_msgs/msg/Bool", "data: true"),
-                ("node list --no-daemon --spin-time 2", "/gesture_feature\n"),
+                ("node list --no-daemon --spin-time 5", "/gesture_feature\n"),
                 (f"param describe --no-daemon --timeout 20 {limit}", "500.0"),
                 (f"param set --no-daemon --timeout 20 {limit} 1.0", "at most threshold = 1.0 N"),
                 (f"param set --no-daemon --timeout 20 {limit} 25.0", "successful"),
