@@ -9,15 +9,16 @@ from __future__ import annotations
 
 from collections import deque
 
-# What presses is let go as its force falls to a share within some time, by a share of its largest,
-# and then stands or is gone: hands take 3 s at most from full force to none. A zero that follows
-# the reading with a time constant of 1 s takes as much away in this time, and does not end there.
+# What presses is let go as its force falls to a share within some time, by a share of its largest
+# (hands take 3 s at most from full force to none), and then stands. A zero that follows the reading
+# with a time constant of 1 s takes as much away, and goes on. It does not take three quarters: a
+# hand has left then, though a soft cover comes back for seconds.
 _FALL = 0.4  # s
 _FALLS_TO = 2.0 / 3.0  # of what it was then
 _FALLS_BY = 0.12  # of the largest
-_STANDS = 0.1  # s in which a force that stands keeps
-_KEEPS = 0.95  # of itself: by as much a time would fall what falls by a fifth in `_FALL`
-_GONE = 0.05  # of the largest
+_LEAVES = 0.25  # of what it was then
+_STANDS = 0.1  # s in which a force that stands
+_KEEPS = 0.95  # keeps so much of itself
 
 
 class Pressing:
@@ -47,6 +48,6 @@ class Pressing:
         last.append((t, force))
         self._largest = max(self._largest, force)
         fell = force <= _FALLS_TO * before and before - force >= _FALLS_BY * self._largest
-        ended = force <= _GONE * self._largest or force >= _KEEPS * max(just, default=0.0)
+        ended = force <= _LEAVES * before or force >= _KEEPS * max(just, default=0.0)
         self.force = force if fell and ended else max(self.force, force)
         self._largest = self._largest if self.force else 0.0

@@ -22,7 +22,7 @@ from .touched import AT_REST
 # What a driver and two multiplexers have in series, at most [ohm]: the paper's two 74HD4067 have
 # 326, two CD4051 250 at 5 V, and all parts scatter by 20 %.
 PARTS = 400.0
-CONFIDENCE = 1.64  # standard deviations: one unread cell in twenty bears more than its bound
+ONE_IN_TWENTY = 1.64  # standard deviations beyond which one cell in twenty lies
 # Times what the curve says that a fabric of its kind conducts at rest, at least: those of the
 # laboratory's unknown boards are 0.74 to 1.35. What conducts less may be read on another scale.
 _USUAL = 0.7
@@ -97,7 +97,7 @@ def upper_bound(
         by_circuit = np.where(force > 0.0, by_circuit, 0.0)
     not_read = force
     if std is not None:
-        not_read = np.where(force > AT_REST, force + CONFIDENCE * std, force)
+        not_read = np.where(force > AT_REST, force + ONE_IN_TWENTY * std, force)
         by_circuit = np.maximum(by_circuit, not_read)
     in_all = unknown.factor * by_circuit
     if not unknown.proved and s == 1.0:

@@ -125,7 +125,7 @@ def fell_together(
     between: np.ndarray,
     now: np.ndarray,
     noise: float,
-    error: float = MODEL_ERROR,
+    error: float,
 ) -> float | None:
     """Return the share of readings over those at rest that is left, if all of them fell alike.
 

@@ -18,9 +18,9 @@ NOT_PROVED = "not proved: stops early, lay a known weight"  # what is said of su
 # The most that a force may be over what is felt while nothing proved it: the shipped curve on
 # another fabric (19 to 142 % of error over seven public data sets).
 UNPROVED = 2.5
-# Standard deviations of the scale that its bound covers: a gain that days move by 30 % either way
-# then stops between 0.67 and 1.5 times the limit (benchmarks.fabric.living, seed 7001; more, and a
-# skin that conducts well stops at half of it).
+# Standard deviations of the scale that its bound covers: one force in six is above it. With 1.64,
+# one in twenty, a skin whose gain days raise by 30 % stops at half of the limit (chosen with
+# benchmarks.fabric.living).
 CONFIDENCE = 1.0
 # Relative standard deviation that days add to a proof, and days after which it is there to 63 %:
 # force-sensing resistors and Velostat gain or lose 15 to 30 % in three days.

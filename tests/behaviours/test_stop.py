@@ -494,6 +494,19 @@ def test_forces_fade_faster_than_readings_where_the_curve_is_steep(rate):
         assert policy.reading(0.5 + k / rate, 45.0 * math.exp(-k / rate / 0.45)).stop
 
 
+@pytest.mark.parametrize("left", [0.05, 0.1, 0.15])
+@pytest.mark.parametrize("seconds", [0.3, 1.0, 3.0])
+@pytest.mark.parametrize("rate", [12, 100])
+def test_a_hand_has_let_go_though_a_soft_cover_comes_back_slowly(rate, seconds, left):
+    """It leaves within 0.1 s; what is left neither stands nor is gone for seconds."""
+    policy = StopPolicy(StopConfig(threshold=30.0, release=20.0))
+    for k in range(6 * rate):
+        t = k / rate - 2.0  # s since it leaves
+        share = 1.0 if t < 0.0 else max(1.0 - 10.0 * t, left * math.exp(-t / seconds))
+        policy.reading(k / rate, 45.0 * share)
+    assert not policy.decide(6.0 - 1.0 / rate).stop
+
+
 @pytest.mark.parametrize("rate", [5, 12, 100])
 def test_a_push_is_over_where_a_hand_stays_and_presses_less(rate):
     policy = StopPolicy(StopConfig(threshold=30.0, release=20.0))

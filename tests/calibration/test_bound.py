@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tactile_skin import Circuit, PressureCurve, compensate, forward, measure_rest
-from tactile_skin.calibration.bound import CONFIDENCE, PARTS, Unknown, scale_at_rest, upper_bound
+from tactile_skin.calibration.bound import ONE_IN_TWENTY, PARTS, Unknown, scale_at_rest, upper_bound
 from tactile_skin.calibration.identify import Solution
 from tactile_skin.calibration.tracker import CircuitTracker
 from tactile_skin.findings.finding import Severity
@@ -170,7 +170,7 @@ def test_a_cell_that_was_not_read_counts_with_its_error_where_something_touches(
     circuit, force, std = Circuit(4, 4), np.zeros((4, 4)), np.zeros((4, 4))
     force[1, 1:3], std[1, 2], std[3, 3] = 2.0, 1.5, 3.0
     bound = upper_bound(force, std, circuit, CURVE, Unknown())
-    assert bound[1, 2, 1] == pytest.approx(2.0 + CONFIDENCE * 1.5)
+    assert bound[1, 2, 1] == pytest.approx(2.0 + ONE_IN_TWENTY * 1.5)
     assert bound[3, 3, 1] == 0.0, "nothing touches there"
 
 
