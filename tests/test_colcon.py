@@ -63,6 +63,7 @@ def prefix(workspace):
     return folder / "install" / "tactile_skin"
 
 
+@pytest.mark.ci
 def test_what_ros_2_looks_for_is_where_it_looks(prefix):
     """`ros2 run`, `ros2 launch` and `find-pkg-share`."""
     programs = {p.name for p in (prefix / "lib" / "tactile_skin").iterdir()}
@@ -78,6 +79,7 @@ def test_what_ros_2_looks_for_is_where_it_looks(prefix):
     assert index.is_file()
 
 
+@pytest.mark.ci
 def test_links_instead_of_copies(workspace):
     """`--symlink-install` sets up the same from a folder with no more than it links."""
     folder, build = workspace
@@ -87,6 +89,7 @@ def test_links_instead_of_copies(workspace):
     assert (prefix / "share" / "tactile_skin" / "launch" / "skin.launch.yaml").is_symlink()
 
 
+@pytest.mark.ci
 def test_the_installed_programs_run(prefix, tmp_path):
     """From the installation alone: nodes, launch files, parameters, weights."""
     (site,) = prefix.glob("lib/python3*/site-packages")

@@ -227,6 +227,7 @@ def test_the_whole_command(tmp_path):
         assert written["seed"] == 3 and written["machine"]["numpy"] == np.__version__
 
 
+@pytest.mark.ci
 def test_a_users_own_circuit_and_touches_are_measured(drawn, tmp_path, capsys):
     """By the methods that know the circuit, in two panels; all troubles are of it as well."""
     config, rng = tmp_path / "mine.yaml", np.random.default_rng(3)

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from support.lab.board import KNOTS, FaultBoard, Sent
-from support.marks import slow
+from support.marks import ci, slow
 
 from benchmarks import harness
 from benchmarks.accept import __main__ as accept
@@ -107,11 +107,11 @@ def test_the_smallest_version_of_a_line_runs(name, capsys, monkeypatch):
 @pytest.mark.parametrize(
     ("kind", "wired"),
     [
-        ("open at rest", "grounded"),
+        ci("open at rest", "grounded"),
         ("below a step", "floating"),
-        pytest.param("signed", "virtual_ground", marks=pytest.mark.ci),
+        ci("signed", "virtual_ground"),
         ("uneven", "floating"),
-        pytest.param("shaking cover", "loaded", marks=pytest.mark.ci),
+        ci("shaking cover", "loaded"),
     ],
 )
 def test_a_sound_skin_unlike_an_even_fabric_is_free_and_feels_what_presses(kind, wired):
@@ -124,7 +124,7 @@ def test_a_sound_skin_unlike_an_even_fabric_is_free_and_feels_what_presses(kind,
 
 
 @pytest.mark.parametrize(
-    "k", [slow(6), 7]
+    "k", [slow(6), ci(7)]
 )  # a palm comes before it is free; it is open by its curve
 def test_an_uneven_grounded_skin_is_free_at_once(k):
     found = rests.run("uneven", "grounded", k, harness.seed_of(9, "uneven", "grounded", k))

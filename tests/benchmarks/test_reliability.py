@@ -178,6 +178,7 @@ def test_a_small_run_has_its_rows():
     assert "| open row (text) |" in text and "| together |" in text
 
 
+@pytest.mark.ci
 def test_a_stream_is_the_same_again():
     first, again = (
         reliability.run_fault("4x4", "backlog, fast", "binary", True, 5.0, [1]) for _ in range(2)
@@ -185,6 +186,7 @@ def test_a_stream_is_the_same_again():
     assert first == again and first["frames"] == 340
 
 
+@pytest.mark.ci
 def test_a_sound_run_counts_minutes_and_touches():
     found = reliability.run_sound("4x4", "binary", "low-pass", 1.0, True, 6.0, 5)
     assert found["touches"] >= 1 and found["frames"] == 440 and found["errors"] == 0

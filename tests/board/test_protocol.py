@@ -355,6 +355,7 @@ def test_lines_that_do_not_go_with_the_configuration_say_what_they_are(lines, sa
     assert said in explain(parser)
 
 
+@pytest.mark.ci
 def test_the_largest_number_that_is_named_does_not_change_with_each_line():
     """Each other text is another reason to stop, and a call of each hook."""
     parser, said = text_parser(), set()

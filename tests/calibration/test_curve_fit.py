@@ -291,6 +291,7 @@ def streamed():
     return board, stream(board, 25, 0.3, rng), circuit, measure_rest(board.at_rest(), circuit)
 
 
+@pytest.mark.ci
 def test_a_scale_in_place_of_weights(streamed):
     """Its zero and its lag are found; new objects weigh what they weigh."""
     board, given, circuit, rest = streamed

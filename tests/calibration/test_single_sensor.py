@@ -2,6 +2,7 @@
 """A row of single sensors is a skin: from its recordings to newtons of a running one."""
 
 import numpy as np
+import pytest
 import yaml
 
 from tactile_skin import Circuit, PressureCurve, cli, fit_curve, fit_reference, measure_rest
@@ -10,6 +11,7 @@ from tactile_skin.launch import read_skin
 ROW = {"rows": 1, "cols": 3, "r_ref": 2e3, "r_par": 0.0, "adc_bits": 12, "readout": "grounded"}
 
 
+@pytest.mark.ci
 def test_a_row_of_sensors_from_files_to_newtons(tmp_path, capsys):
     """`measure_rest`, `fit_curve`, `fit_reference`, `calibrate` by weights, `doctor`, its file."""
     circuit, rng, curve = Circuit(**ROW), np.random.default_rng(3), PressureCurve()

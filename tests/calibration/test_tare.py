@@ -101,6 +101,7 @@ def test_a_touch_however_light_is_never_tared_away(grams):
     assert last == pytest.approx(force.sum(), rel=0.35)
 
 
+@pytest.mark.ci
 def test_a_touch_that_begins_as_a_measurement_ends_is_not_learnt():
     """Its first frame, half of it from before, was learnt: the skin at rest was suspect then."""
     push = scenes.finger(16, 16, 7.0, 8.0, 60.0, width=1.8)
@@ -182,6 +183,7 @@ def test_a_hand_on_the_skin_from_the_start_is_no_rest():
     assert skin.tare.measured
 
 
+@pytest.mark.ci
 def test_a_level_that_no_fabric_has_is_named_in_ohm():
     skin = Skin(6.0 * scatter(0.03))
     skin.frames(200)
@@ -221,6 +223,7 @@ def test_a_lead_that_breaks_later_is_not_tared_away(ohm, axis):
     assert np.median(np.moveaxis(taken, axis, 0)[3]) < 0.04
 
 
+@pytest.mark.ci
 def test_where_a_palm_lay_the_tare_goes_on():
     """What it touched, more than half of the skin, conducts 6 % more for a while."""
     skin = Skin(scatter(0.05), seed=12)

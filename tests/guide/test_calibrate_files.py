@@ -40,6 +40,7 @@ def calibrate(folder, *words):
     return cli.main(["calibrate", "--config", str(config), "--out", str(out), *words]), out
 
 
+@pytest.mark.ci
 def test_files_give_circuit_and_curve(files, capsys):
     folder, board = files
     loads = [f"{g}g:={folder / f'{g}.csv'}" for g in (500, 1200, 3000)]

@@ -216,6 +216,7 @@ def test_readings_that_are_missing_now_and_then_are_not_noise():
     assert [f.kind for f in diagnose(frames, case.circuit)] == []
 
 
+@pytest.mark.ci
 def test_a_board_of_10_bits_that_is_configured_as_12_is_asked_about(recordings, capsys):
     """Its readings are those of another fabric: nothing else shows it."""
     size = "rows:=8", "cols:=9"
@@ -224,6 +225,7 @@ def test_a_board_of_10_bits_that_is_configured_as_12_is_asked_about(recordings, 
     assert "check circuit.adc_bits = 12" in capsys.readouterr().out
 
 
+@pytest.mark.ci
 def test_the_command_tells_by_its_status(recordings, capsys):
     size = "rows:=8", "cols:=9"
     assert cli.main(["doctor", str(recordings / "sound.csv"), *size]) == 0

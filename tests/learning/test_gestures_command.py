@@ -34,6 +34,7 @@ def takes(tmp_path_factory):
     return folder
 
 
+@pytest.mark.ci
 def test_a_recogniser_is_trained_from_ones_own_takes(takes, tmp_path, capsys):
     out = tmp_path / "mine.gestures.npz"
     assert cli.main(["gestures", "train", str(takes), "--out", str(out)]) == 0
@@ -163,6 +164,7 @@ def test_a_labelled_table_is_takes_of_each_of_its_classes(labelled, tmp_path, ca
     assert "must be one of its labels, none, press, stroke" in capsys.readouterr().err
 
 
+@pytest.mark.ci
 def test_a_recogniser_is_trained_from_a_labelled_table(labelled, tmp_path):
     table, config = labelled
     words = ["--config", str(config), "--out", str(tmp_path / "model.npz")]

@@ -65,6 +65,7 @@ def test_glances_are_those_of_a_gesture_that_goes_on():
     assert last[FEATURES.index("silence")] == pytest.approx(0.4)
 
 
+@pytest.mark.ci
 def test_one_person_among_many_events_is_left_out_by_takes(table):
     mine = np.isin(table.person, ("simulated 0",)) | (table.label == OTHER)
     shares = left_out(type(table)(*(part[mine] for part in table)), trees=5)

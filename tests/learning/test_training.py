@@ -45,6 +45,7 @@ def whole(tmp_path_factory):
     return run(tmp_path_factory.mktemp("whole"))[0]
 
 
+@pytest.mark.ci
 def test_the_same_seed_gives_the_same_weights_and_another_does_not(whole, tmp_path):
     assert same(whole, run(tmp_path / "b")[0])
     assert not same(whole, run(tmp_path / "c", replace(TINY, seed=5))[0])

@@ -380,7 +380,7 @@ WORDS = [  # age of the reading [s], values, whether they are believed
 ]
 
 
-@pytest.mark.parametrize("mover", [CmdVelGate, PushToMove])
+@pytest.mark.parametrize("mover", [CmdVelGate, ci(PushToMove)])
 def test_a_free_on_an_old_reading_moves_nothing(mover):
     """However recently it was said."""
     robot = Robot(mover)

@@ -54,6 +54,7 @@ class Skin(Bench):
         self.feel(np.zeros((60, 16, 16)))
 
 
+@pytest.mark.ci
 def test_what_a_hand_does_is_named_on_the_topics_and_to_hooks():
     """People and performances that the shipped model was not trained on."""
     right = 0

@@ -112,6 +112,7 @@ def test_every_line_that_is_lost_is_counted(tmp_path):
     ]
 
 
+@pytest.mark.ci
 def test_a_file_takes_at_most_three_times_its_size_in_memory(tmp_path):
     """Of few digits, and with a time: the numbers are the largest against their text."""
 

@@ -95,6 +95,7 @@ def test_a_damaged_chunk_is_left_out_and_named(tmp_path):
     assert sum(kept) == 90
 
 
+@pytest.mark.ci
 def test_an_index_that_is_damaged_is_done_without(tmp_path):
     frames = recorded.samples(100)
     path = recorded.write(tmp_path / "a.mcap", frames)

@@ -160,6 +160,7 @@ def test_a_replay_is_recorded(path, tmp_path):
     assert found.topics["/skin/contacts"].count == len(pressure)
 
 
+@pytest.mark.ci
 def test_methods_side_by_side(path, tmp_path):
     job = Job(str(write(tmp_path / "a.mcap", 3.5)))
     found = compare(job, ["map", "naive", "map"])

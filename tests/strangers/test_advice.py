@@ -51,7 +51,7 @@ def minus_baseline(dead: int, seconds: float = 18.0):
 @pytest.mark.parametrize(
     ("dead", "readout"),
     [
-        *((0, "loaded"), (400, "floating")),
+        *((0, "loaded"), ci(400, "floating")),
         *(ci(0, "floating"), ci(200, "floating"), ci(200, "loaded"), ci(400, "loaded")),
     ],
 )
@@ -174,6 +174,7 @@ def test_an_r_par_that_touches_only_bound_is_not_named():
     assert 262.0 <= float(re.search(r"r_par is (\d+) ohm or less", str(finding))[1]) < 393.0
 
 
+@pytest.mark.ci
 def test_a_running_skin_names_no_setting_where_it_is_wired_otherwise():
     circuit, frames = recorded((8, 8), "loaded", inverted=True)
     samples = np.rint(frames[:250] * circuit.full_scale).astype(int)
@@ -184,7 +185,7 @@ def test_a_running_skin_names_no_setting_where_it_is_wired_otherwise():
         assert "lead" not in said and not re.search(r"\b[Ss]et [a-z_.]+:", said)
 
 
-@pytest.mark.parametrize("r_ref", [1000.0, ci(470.0), 200.0])
+@pytest.mark.parametrize("r_ref", [1000.0, ci(470.0), ci(200.0)])
 @pytest.mark.parametrize("spread", [0.9, ci(1.3), ci(1.8)])
 def test_a_palm_stops_where_amplifiers_end_below_it(r_ref, spread):
     """At 1 kohm 1 N ends the range of a cell, and a palm of 45 N reads as one of 18 N."""

@@ -258,7 +258,7 @@ def test_its_curve_is_fitted_by_weights():
     assert "is taken as 0" in identify(np.array(frames), circuit, rest).message
 
 
-@pytest.mark.parametrize("configured", ["floating", slow("loaded"), ci("grounded")])
+@pytest.mark.parametrize("configured", [ci("floating"), slow("loaded"), ci("grounded")])
 @pytest.mark.parametrize("r_ref", [slow(200.0), 500.0, slow(1000.0)])
 def test_the_doctor_names_it_by_what_no_network_reads(configured, r_ref):
     circuit = amplified(r_ref=r_ref)

@@ -182,7 +182,7 @@ def test_calibrate_says_it(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("dead", "readout"),
     [
-        *((0, "floating"), ci(0, "loaded"), (5, "loaded"), slow(400, "floating")),
+        *((0, "floating"), ci(0, "loaded"), ci(5, "loaded"), slow(400, "floating")),
         *(slow(5, "floating"), ci(400, "loaded")),
     ],
 )
