@@ -135,6 +135,8 @@ class Skin(Listening):
             started = subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True)
             self._processes.append(started)
         self.build()
+        for compensation in self._of_kind("compensation", self._nodes):
+            compensation.wait()  # the boards' first frames show what their skins rest at
         for recorder in self._of_kind(RECORDER, self._nodes):
             recorder.begin()
         PACE.enter()

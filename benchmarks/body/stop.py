@@ -6,6 +6,7 @@ boards of 100 frames a second do that were simulated before: so both meet the sa
 simulation takes their processor. A push rises within a scan, in turn on each skin of the body. A
 time is that from the write of the first frame after the push began, whose low-pass may still hide
 it, to the hook's call with a push of this skin.
+--shared: four skins, each of which calculates in a process of its own, and all in one.
 --page: one skin, with its page open in Chromium on this computer, and without. --gestures: one
 skin, whose gestures are named, and are not.
 """
@@ -35,8 +36,9 @@ ONE: tuple[tuple[str, ...], dict] = (SKINS[:1], {})
 BODY = {"four": (SKINS, {}), "one": ONE}
 PAGE = {"page": (SKINS[:1], {"view": True, "view_port": 0}), "none": ONE}
 GESTURES = {"gestures": (SKINS[:1], {"gestures": True}), "none": ONE}
+OWN = {"own": (SKINS, {}), "shared": (SKINS, {"own_process": False})}
 # times of the second that the first may take, p50 and p99
-GOALS = {"four": 1.2, "page": 1.1, "gestures": 1.1}
+GOALS = {"four": 1.3, "own": 1.0, "page": 1.1, "gestures": 1.1}
 _START, _PERIOD, _LENGTH = 3.0, 0.6, 0.2  # s until the first push, between two, of one
 SIZE = 1400, 910  # of the page [px]
 _HOLD = 0.05  # s that a stop is held: the robot is free again before the next push
@@ -139,11 +141,14 @@ def _skins(pipe, folder: str, names: tuple[str, ...], more: dict) -> None:
     from tactile_skin.launch import launch
     from tactile_skin.nodes.observers.view import View
 
+    own = {name: more.pop(name) for name in ("own_process",) if name in more}
+
     skins = {
         name: {
             "port": f"{folder}/{name}",
             "geometry": {"shape": "plane", "translation": [float(k), 0.0, 0.0]},
             "stop_on_push": {"hold": _HOLD},
+            "compensation": own,
         }
         for k, name in enumerate(names)
     }
@@ -170,10 +175,12 @@ def main(arguments=None) -> dict:
     parser.add_argument("--turns", type=int, default=14, help="of each (default 14)")
     parser.add_argument("--pushes", type=int, default=24, help="in a turn (default 24)")
     parser.add_argument("--seed", type=int, default=3830, help="of pushes and noise")
+    parser.add_argument("--shared", action="store_true", help="processes and one, of four skins")
     parser.add_argument("--page", action="store_true", help="a page and none, of one skin")
     parser.add_argument("--gestures", action="store_true", help="gestures named and not, the same")
     args = parser.parse_args(arguments)
     compared = PAGE if args.page else GESTURES if args.gestures else BODY
+    compared = OWN if args.shared else compared
     times: dict[str, list[float]] = {kind: [] for kind in compared}
     missed, wrong = dict.fromkeys(times, 0), dict.fromkeys(times, 0)
     loads = []

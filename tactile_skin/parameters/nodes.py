@@ -105,6 +105,12 @@ class Compensation:
         "each cell rests as the curve says, to 0.5 %, else its picture is suspect and stops the "
         "robot",
     )
+    own_process: bool = parameter(
+        False,
+        "",
+        "calculate in a process of its own, as each of a body's skins does where the computer has "
+        "several cores, unless this says false",
+    )
     suspect_stops: bool = parameter(
         True, "", "faults of the circuit and a saturated input stop the robot"
     )

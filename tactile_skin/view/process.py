@@ -11,16 +11,14 @@ import contextlib
 import importlib.util
 import ipaddress
 import json
-import os
 import pickle
 import secrets
 import socket
 import subprocess
-import sys
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 
 from ..errors import LaunchError
+from ..middleware.process import started
 from .snapshot import Snapshot
 
 DESCRIBE = "describe"  # what the skin is asked for before a page calibrates: its nodes' parameters
@@ -57,7 +55,7 @@ class PageProcess:
                 of_page = {"host": host, "controls": controls, "token": token}
                 first = {"name": name, "parameters": parameters} | of_page
                 self.skins[name].send(first)
-            self._process = _start(listening, theirs)
+            self._process = started(("-m", "tactile_skin.view"), [listening, *theirs])
 
     def close(self) -> None:
         for to_page in self.skins.values():
@@ -140,16 +138,3 @@ def address_of(listening: socket.socket) -> str:
 
 def url_of(host: str, port: int) -> str:
     return f"http://{f'[{host}]' if ':' in host else host}:{port}"
-
-
-def _start(listening: socket.socket, theirs: list[socket.socket]) -> subprocess.Popen:
-    package = str(Path(__file__).parents[2])
-    path = os.pathsep.join(filter(None, [package, os.environ.get("PYTHONPATH")]))
-    numbers = [each.fileno() for each in (listening, *theirs)]
-    return subprocess.Popen(
-        [sys.executable, "-m", "tactile_skin.view", *map(str, numbers)],
-        stdin=subprocess.DEVNULL,
-        pass_fds=numbers,
-        env=os.environ | {"PYTHONPATH": path, "OPENBLAS_NUM_THREADS": "1"},
-        start_new_session=True,  # Ctrl-C ends the skin, and that ends it
-    )

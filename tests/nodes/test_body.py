@@ -3,7 +3,9 @@
 
 import contextlib
 import json
+import os
 import re
+import signal
 from functools import partial
 
 import numpy as np
@@ -18,10 +20,12 @@ from tactile_skin import ros
 from tactile_skin.board import serial_port
 from tactile_skin.errors import FileError, LaunchError
 from tactile_skin.launch import Skin, launch, share_dir
+from tactile_skin.middleware.bus import Parameter, result_of
 from tactile_skin.middleware.package import SKIN_NODES
 from tactile_skin.middleware.ros.arguments import split_arguments
 from tactile_skin.msg import Image, PointCloud2, WrenchStamped, cloud_columns
 from tactile_skin.nodes import frames
+from tactile_skin.nodes.compensation import Compensation
 from tactile_skin.nodes.observers.view import View
 from tactile_skin.simulation import scenes
 from tactile_skin.touch.frames import Pose
@@ -160,6 +164,29 @@ def test_each_of_four_stops_the_body_with_its_name_and_the_others_go_on(body):
     for name, served in boards.items():
         happens(name, "fault", served.unplug)
         pulled.append(name)
+
+
+def test_a_skins_process_that_is_killed_stops_the_body_and_comes_back(body):
+    """That of the back, whose other nodes and whose neighbour go on; then another method."""
+    skin, _ = body(back={"compensation": {"own_process": True}})
+    own = {n.node.get_namespace(): n._own for n in skin._nodes if isinstance(n, Compensation)}
+    assert all(own.values()) is (os.cpu_count() > 1)
+    heard = Heard(skin)
+    heard.until(heard.free, "free")
+    since, killed = len(heard.reasons), own["/back"]._process
+    os.kill(killed.pid, signal.SIGKILL)
+    heard.until(lambda: heard.said("back: ", "its process ended (-9)", since=since), "a reason")
+    heard.until(heard.free, "free again")
+    assert not any("chest" in reason for _, reason in heard.reasons[since:])
+    (node,) = (n for n in skin._nodes if isinstance(n, Compensation) and n._own is own["/back"])
+    answer = skin.node.context.nodes["/back/compensation"].ask(
+        node.node.set_parameters_atomically, [Parameter("method", "map")]
+    )
+    assert result_of(answer, PATIENCE).successful
+    assert own["/back"].arguments[0].method == "map"
+    started = [each._process for each in own.values() if each]
+    skin.__exit__()
+    assert all(process.poll() is not None for process in started)
 
 
 def test_a_skin_in_a_frame_of_its_own_is_placed_by_tf(body, tmp_path):
