@@ -21,6 +21,12 @@ _KEPT = 100  # windows whose noise is kept: 10 s at 100 frames a second
 _CHANCE = 1.5
 
 
+def over(adc: np.ndarray, rest: np.ndarray) -> np.ndarray:
+    """(rows, cols) what readings are over those at rest, 0 where none came."""
+    off = adc - rest
+    return np.where(np.isnan(off), 0.0, off)
+
+
 class Window(NamedTuple):
     """What some frames show."""
 

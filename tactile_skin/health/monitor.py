@@ -17,7 +17,7 @@ from ..solvers import Estimate
 from ..solvers.suspect import BEYOND, LIGHTER
 from .bits import Bits
 from .ceiling import Ceiling
-from .check import Check, Seen, Windows
+from .check import Check, Seen, Windows, over
 from .doubt import LARGE, Doubt
 from .loose_lines import LooseLines
 from .odd_cells import OddCells
@@ -77,6 +77,7 @@ class SkinMonitor:
     def begin_anew(self) -> None:
         """Watch as from the start: the rest is measured from here on."""
         self._checks = [make(self._adc, self._threshold) for make in CHECKS]
+        self._found: list[Finding] | None = None  # by the checks since their last frame
 
     def forget_doubts(self) -> None:
         """Forget doubts, since the rest was measured for the first time."""
@@ -87,12 +88,14 @@ class SkinMonitor:
         for check in self._checks:
             if isinstance(check, Untouched):
                 check.forget()
+        self._found = None
 
     def reset(self) -> None:
         """Somebody has checked the skin: past faults are over, what the last frames show is not."""
         self._doubt.reset()
         for check in self._checks:
             check.forget()
+        self._found = None
 
     def frame(self, seen: Seen, *, judged: bool) -> None:
         """Take a frame; `judged`: its status says something of the circuit."""
@@ -100,7 +103,7 @@ class SkinMonitor:
         touched = bool(estimate.force.max() >= TOUCHED)
         seen = seen._replace(recovers=self._recovers(seen))
         if not touched and seen.rest is not None:
-            off = np.nan_to_num(seen.adc - seen.rest)
+            off = over(seen.adc, seen.rest)
             self._shakes.frame(seen.t, off, self._noise(estimate))
         suspect = estimate.status == "suspect" and not self._swings(seen, touched)
         if suspect or judged:
@@ -111,13 +114,14 @@ class SkinMonitor:
         seen = seen._replace(window=self._windows.frame(seen.rising))
         for check in self._checks:
             check.frame(seen)
+        self._found = None
 
     def _swings(self, seen: Seen, touched: bool) -> bool:
         """Whether what a suspect frame misses is a hum, a cover that shakes, or an undershoot."""
         elapsed, self._t = max(seen.t - self._t, 0.0), seen.t
         if seen.rest is None:
             return self._hums and not touched
-        off = np.nan_to_num(seen.adc - self._loaded(seen.rest, seen.adc))
+        off = over(seen.adc, self._loaded(seen.rest, seen.adc))
         lost, before = np.fmin(off, 0.0) ** 2, self._below
         share = 1.0 - np.exp(-elapsed / _SWING)
         self._below = self._below + share * ((off < 0.0) - self._below)
@@ -141,7 +145,8 @@ class SkinMonitor:
         """Whether what lies below the rest is what a touch leaves for some seconds."""
         if seen.resting is None or seen.rest is None:
             return False
-        bears = maximum_filter(seen.estimate.force, 3) > STIRRED  # or lies next to one that does
+        bears = seen.estimate.force > STIRRED
+        bears = maximum_filter(bears, 3) if bears.any() else bears  # or lies next to one that does
         self._ended[self._bears & ~bears] = seen.t
         self._bears = bears
         # the clock may be set back
@@ -171,7 +176,7 @@ class SkinMonitor:
         times = finding.numbers.get("times", 0.0) if isinstance(finding, Finding) else 0.0
         if self._last is None or not float(times) > LARGE:
             return False
-        change = np.nan_to_num(adc - self._last) * self._adc.circuit.full_scale
+        change = over(adc, self._last) * self._adc.circuit.full_scale
         return bool(estimate.residual > np.sqrt(np.square(change).mean()))
 
     def misfit(self, finding: Finding | None, *, past: bool = True) -> list[Finding]:
@@ -191,8 +196,10 @@ class SkinMonitor:
 
     def findings(self) -> list[Finding]:
         """Return what the checks find; a hum moves all cells at once, and no supply."""
-        found = [finding for check in self._checks for finding in check.findings()]
-        return [f for f in found if not (self._hums and f.kind is Kind.ALL_CELLS)]
+        if self._found is None:
+            found = [finding for check in self._checks for finding in check.findings()]
+            self._found = [f for f in found if not (self._hums and f.kind is Kind.ALL_CELLS)]
+        return self._found
 
     @property
     def _hums(self) -> bool:

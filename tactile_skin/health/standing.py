@@ -12,7 +12,7 @@ from ..findings.finding import Finding, Kind, Severity, largest
 from ..physics.adc import Adc
 from ..solvers.reading import FEW, ROUNDING_NOISE
 from ..solvers.suspect import MODEL_ERROR
-from .check import Check, Seen
+from .check import Check, Seen, over
 
 _LOOK = 1.0  # s between looks
 # Of its force, by cells, that a touch may differ from what it was: fabric creeps by 10 to 30 % a
@@ -96,12 +96,13 @@ class MovingZero(Check):
         if seen.rest is None or (last and seen.t < last[-1][0]):
             last.clear()
             return
-        read = np.nan_to_num(seen.adc - seen.rest) * self._full
+        read = over(seen.adc, seen.rest) * self._full
         last.append((seen.t, read, np.asarray(seen.estimate.force)))
         while len(last) > 2 and last[1][0] <= seen.t - _SPAN:
             last.popleft()
-        if self.found is None and len(last) > 1:
-            noise = max(seen.noise * self._full, ROUNDING_NOISE)
+        noise = max(seen.noise * self._full, ROUNDING_NOISE)
+        pressed = np.count_nonzero(last[0][1] > _CLEAR * noise) >= FEW
+        if self.found is None and len(last) > 1 and pressed:
             half = seen.t - _SPAN / 2.0
             between = next((past for t, past, _ in reversed(last) if t <= half), last[0][1])
             error = max(MODEL_ERROR, _BETTER * _apart(last[0][2], last[-1][2]))

@@ -217,9 +217,10 @@ class Hum(Check):
         # what was measured first: the rest that is followed goes with a slow hum
         self._rest = seen.rest if self._rest is None else self._rest
         off = (seen.adc - self._rest)[self._cells]
-        if np.isnan(off).all():
+        off = off[~np.isnan(off)]
+        if not off.size:
             return
-        level = float(np.nanmedian(off)) * self._full
+        level = float(np.median(off)) * self._full
         # of a median of so many readings
         chance = 1.25 * seen.noise * self._full / np.count_nonzero(self._cells) ** 0.5
         self._follow(seen.t, level, max(_SWING * chance, _LEAST_SWING))
