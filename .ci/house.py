@@ -11,10 +11,10 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 MARGIN = 1.03  # times the decided size that is allowed: the house grows by a decision only
 DECIDED = {  # what -> size as of 29 November 2026: lines, words or constants
-    "package, Python lines": 38640,
+    "package, Python lines": 38810,
     "package, C lines": 1045,
     "package, page lines": 2441,
-    "tests, Python lines": 36520,
+    "tests, Python lines": 36590,
     "benchmarks, Python lines": 12450,
     "docs, words": 37950,
     "numeric constants of modules": 910,

@@ -4,6 +4,7 @@
 import json
 import os
 import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -290,7 +291,7 @@ def test_a_simulated_board_is_called_so_under_any_launch_file(tmp_path):
 @pytest.mark.ci
 @IN_TIME
 def test_who_reads_only_the_first_line_gets_no_traceback():
-    command = f"{sys.executable} -m tactile_skin launch duration:=2 | head -1"
+    command = f"{shlex.quote(sys.executable)} -m tactile_skin launch duration:=2 | head -1"
     done = subprocess.run(
         command, shell=True, capture_output=True, text=True, timeout=120, check=False
     )

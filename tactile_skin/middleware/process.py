@@ -21,8 +21,8 @@ from typing import Any
 
 _SERVE = "-c", "import sys; from tactile_skin.middleware import process; process.serve(sys.argv[1])"
 _PACKAGES = str(Path(__file__).parents[2])
-_PATIENCE = 3.0  # s for an answer, after which the process hangs
-_AGAIN = 0.5  # s from one start to the next at least
+# s for an answer, after which the process hangs; and from one start to the next at least
+_PATIENCE = 3.0
 
 
 class ProcessEnded(RuntimeError):
@@ -69,7 +69,7 @@ class OwnProcess:
         """
         if self._process.poll() is not None:
             self._ended()
-            if not self._over and time.monotonic() - self._started >= _AGAIN:
+            if not self._over and time.monotonic() - self._started >= _PATIENCE:
                 self._connection.close()
                 self._start()
         elif not self._answers and self._connection.poll():
@@ -78,10 +78,10 @@ class OwnProcess:
                 self._answers = True
         return self._answers
 
-    def wait(self, seconds: float) -> bool:
-        """Wait for its first answer; whether it came."""
+    def wait(self) -> bool:
+        """Wait for its first answer, but not for long; whether it came."""
         if not self._answers:
-            self._connection.poll(seconds)
+            self._connection.poll(_PATIENCE)
         return self.ready
 
     @property

@@ -50,7 +50,6 @@ _LATE = 0.01
 _FULL_FIT = 0.1  # s after a full fit until the next, however late: only that tests the circuit
 _OLD = 0.05  # s from which on a reading is old news: half of `stale_after`
 _APART = 0.02  # s apart that old ones are taken, for the stop to know that there are readings
-_START = 5.0  # s to wait for the first answer of a process, which imports NumPy and SciPy
 # what a skin in a process of its own sends with each answer
 _KEPT = ("status", "fault", "waits", "found", "fitted", "std", "bound", "proof")
 
@@ -169,7 +168,7 @@ class Compensation:
     def wait(self) -> None:
         """Wait for the skin's process, if it has one of its own."""
         if self._own:
-            self._own.wait(_START)
+            self._own.wait()
 
     def on_parameters(self, values: dict) -> None:
         """Another method from the next frame on."""
