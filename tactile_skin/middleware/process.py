@@ -81,7 +81,7 @@ class OwnProcess:
     def wait(self) -> bool:
         """Wait for its first answer, but not for long; whether it came."""
         if not self._answers:
-            self._connection.poll(_PATIENCE)
+            self._connection.poll(2.0 * _PATIENCE)  # it imports NumPy and SciPy
         return self.ready
 
     @property
