@@ -142,7 +142,6 @@ def _skins(pipe, folder: str, names: tuple[str, ...], more: dict) -> None:
     from tactile_skin.nodes.observers.view import View
 
     own = {name: more.pop(name) for name in ("own_process",) if name in more}
-
     skins = {
         name: {
             "port": f"{folder}/{name}",

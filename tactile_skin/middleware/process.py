@@ -113,10 +113,12 @@ class OwnProcess:
             if not self._connection.poll(_PATIENCE):
                 self._process.kill()
                 raise EOFError
-            done, found, self._kept = self._connection.recv()
+            done, found, kept = self._connection.recv()
         except (EOFError, OSError):
             raise self._ended() from None
+        self._kept = kept or self._kept
         if not done:
+            self._why = str(found)
             raise found
         return found
 

@@ -2,6 +2,7 @@
 """An object in a process of its own answers as if it were here, and says when it cannot."""
 
 import os
+import signal
 
 import numpy as np
 import pytest
@@ -71,4 +72,17 @@ def test_what_cannot_be_made_never_answers():
     made = OwnProcess(Counter, (-1,), Counter(1), ("count",))
     with pytest.raises(ValueError, match="count must not be negative"):
         until(lambda: made.ready)
+    assert not made.ready and made.why == "count must not be negative" and made.count == 1
     made.end()
+
+
+def test_one_that_hangs_is_killed_and_one_may_end_before_it_answers(counter):
+    counter._process.kill()
+    counter._process.wait()
+    assert not counter.ready and "ended (-9)" in counter.why
+    until(lambda: counter.ready)
+    os.kill(counter._process.pid, signal.SIGSTOP)
+    with pytest.raises(ProcessEnded, match=r"ended \(-9\)"):
+        counter.where()
+    until(lambda: counter.ready)
+    assert counter.add(1)[0] == 5

@@ -169,24 +169,20 @@ def test_each_of_four_stops_the_body_with_its_name_and_the_others_go_on(body):
 def test_a_skins_process_that_is_killed_stops_the_body_and_comes_back(body):
     """That of the back, whose other nodes and whose neighbour go on; then another method."""
     skin, _ = body(back={"compensation": {"own_process": True}})
-    own = {n.node.get_namespace(): n._own for n in skin._nodes if isinstance(n, Compensation)}
-    assert all(own.values()) is (os.cpu_count() > 1)
+    nodes = {n.node.get_namespace(): n for n in skin._nodes if isinstance(n, Compensation)}
+    back, chest = nodes["/back"], nodes["/chest"]
+    assert bool(back._own and chest._own) is (os.cpu_count() > 1)
     heard = Heard(skin)
     heard.until(heard.free, "free")
-    since, killed = len(heard.reasons), own["/back"]._process
-    os.kill(killed.pid, signal.SIGKILL)
+    since = len(heard.reasons)
+    os.kill(back._own._process.pid, signal.SIGKILL)
     heard.until(lambda: heard.said("back: ", "its process ended (-9)", since=since), "a reason")
     heard.until(heard.free, "free again")
     assert not any("chest" in reason for _, reason in heard.reasons[since:])
-    (node,) = (n for n in skin._nodes if isinstance(n, Compensation) and n._own is own["/back"])
-    answer = skin.node.context.nodes["/back/compensation"].ask(
-        node.node.set_parameters_atomically, [Parameter("method", "map")]
-    )
-    assert result_of(answer, PATIENCE).successful
-    assert own["/back"].arguments[0].method == "map"
-    started = [each._process for each in own.values() if each]
+    answer = back.node.ask(back.node.set_parameters_atomically, [Parameter("method", "map")])
+    assert result_of(answer, PATIENCE).successful and back._own.arguments[0].method == "map"
     skin.__exit__()
-    assert all(process.poll() is not None for process in started)
+    assert back._own._process.poll() is not None
 
 
 def test_a_skin_in_a_frame_of_its_own_is_placed_by_tf(body, tmp_path):

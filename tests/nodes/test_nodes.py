@@ -529,7 +529,6 @@ def test_the_driver_publishes_what_the_board_sends(tmp_path):
     assert (values["crc_errors"], values["lost"], values["reconnects"]) == ("0", "0", "0")
 
 
-@pytest.mark.ci
 def test_a_skin_that_is_loaded_from_the_start_stops_until_it_is_let_go():
     """A palm on it, or an ADC that reads too high from the start; a finger leaves cells at rest."""
 
