@@ -17,6 +17,7 @@ import gc
 import importlib
 import logging
 import math
+import os
 import shlex
 import subprocess
 import time
@@ -27,7 +28,7 @@ from .errors import LaunchError
 from .middleware.bus import Context, Node
 from .middleware.launch_file import read_arguments, read_plan
 from .middleware.logs import QueuedLog
-from .middleware.package import BODY, PACKAGE, RECORDER, VIEW, find, share_dir
+from .middleware.package import BODY, PACKAGE, RECORDER, SKIN_NODES, VIEW, find, share_dir
 from .middleware.plan import (
     NodeAction,
     Plan,
@@ -38,6 +39,7 @@ from .middleware.plan import (
     naming_its_file,
     user_node,
 )
+from .middleware.process import SkinProcess
 from .middleware.signals import SIGNALS, unwinding
 from .middleware.threads import PACE, close_nodes
 from .msg import Trigger
@@ -81,6 +83,8 @@ class Skin(Listening):
         super().__init__(plan or Plan(), context or Context())
         self._nodes: list = []
         self._processes: list[subprocess.Popen] = []
+        self._skins: list[SkinProcess] = []
+        self._elsewhere: set[Node] = set()  # that stand for those of another process
         self._settings = contextlib.ExitStack()  # of the process; closed, it needs them no more
         self._log: QueuedLog | None = None
         self._ended = False
@@ -135,16 +139,34 @@ class Skin(Listening):
             started = subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True)
             self._processes.append(started)
         self.build()
-        for compensation in self._of_kind("compensation", self._nodes):
-            compensation.wait()  # the boards' first frames show what their skins rest at
+        self._start_processes()
         for recorder in self._of_kind(RECORDER, self._nodes):
             recorder.begin()
         PACE.enter()
         self._settings.callback(PACE.leave)
         for handle in (*self._handles, self.node):
-            diagnostics.ensure_reported(handle)
+            if handle not in self._elsewhere:
+                diagnostics.ensure_reported(handle)
         for handles in (*by_thread(self._plan.nodes, self._handles), [self.node]):
             self._executor.add_node(*handles)
+
+    def _start_processes(self) -> None:
+        """Let each skin of a body run in a process of its own, where there are several cores."""
+        bodies = self._of_kind(BODY, self._handles)
+        skins: dict[str, list[tuple]] = {}
+        for each in zip(self._plan.nodes, self._handles, self._nodes, strict=True):
+            if each[0].executable in SKIN_NODES:
+                skins.setdefault(each[0].namespace, []).append(each)
+        asked = any(body.get_parameter("own_processes").value for body in bodies)
+        if not asked or len(skins) < 2 or (os.cpu_count() or 1) < 2:
+            return
+        for skin in skins.values():
+            actions, handles, nodes = zip(*skin, strict=True)
+            stop = nodes[SKIN_NODES.index("stop_on_push")]
+            self._skins.append(SkinProcess([*actions], [*handles], stop.absent))
+            self._elsewhere |= {*handles}
+        for process in self._skins:
+            process.wait()
 
     def build(self) -> list[Node]:
         """Make the nodes and check what they are given; nothing runs yet.
@@ -195,7 +217,11 @@ class Skin(Listening):
         for hook in self._hooks:
             if isinstance(hook, StopHook):
                 hook.end()
-        close_nodes(zip(self._handles, self._nodes, strict=False), self._executor.drain, until)
+        for skin in self._skins:
+            skin.end()
+        pairs = zip(self._handles, self._nodes, strict=False)
+        here = [pair for pair in pairs if pair[0] not in self._elsewhere]
+        close_nodes(here, self._executor.drain, until)
         for process in self._processes:  # the board after the final stop; it ends beside the hooks
             process.terminate()
         for hook in self._hooks:

@@ -51,6 +51,9 @@ class RosSkin(launch.Skin):
         self._process.start(self.shutdown)
         return self._handles
 
+    def _start_processes(self) -> None:
+        """Start none: on ROS they are its launch's."""
+
     def _make_node(self, action: NodeAction) -> RosNode:
         node = RosNode(self._process, action.name, context=self._context, **action.arguments())
         self._to_ros.nodes[node.get_logger().name] = node.ros

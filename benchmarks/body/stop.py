@@ -36,7 +36,7 @@ ONE: tuple[tuple[str, ...], dict] = (SKINS[:1], {})
 BODY = {"four": (SKINS, {}), "one": ONE}
 PAGE = {"page": (SKINS[:1], {"view": True, "view_port": 0}), "none": ONE}
 GESTURES = {"gestures": (SKINS[:1], {"gestures": True}), "none": ONE}
-OWN = {"own": (SKINS, {}), "shared": (SKINS, {"own_process": False})}
+OWN = {"own": (SKINS, {}), "shared": (SKINS, {"own_processes": False})}
 # times of the second that the first may take, p50 and p99
 GOALS = {"four": 1.3, "own": 1.0, "page": 1.1, "gestures": 1.1}
 _START, _PERIOD, _LENGTH = 3.0, 0.6, 0.2  # s until the first push, between two, of one
@@ -141,18 +141,19 @@ def _skins(pipe, folder: str, names: tuple[str, ...], more: dict) -> None:
     from tactile_skin.launch import launch
     from tactile_skin.nodes.observers.view import View
 
-    own = {name: more.pop(name) for name in ("own_process",) if name in more}
+    own = {name: more.pop(name) for name in ("own_processes",) if name in more}
     skins = {
         name: {
             "port": f"{folder}/{name}",
             "geometry": {"shape": "plane", "translation": [float(k), 0.0, 0.0]},
             "stop_on_push": {"hold": _HOLD},
-            "compensation": own,
         }
         for k, name in enumerate(names)
     }
     path = Path(folder) / "robot.yaml"
-    path.write_text(json.dumps({"skins": skins}))
+    path.write_text(
+        json.dumps({"skins": skins, "body": {"ros__parameters": own}} if own else {"skins": skins})
+    )
     arguments = {"config": str(path), "wait_for_port": _PATIENCE, "monitor": "false"} | more
     kind = "body.launch.yaml"
     if len(names) == 1:

@@ -78,7 +78,7 @@ def run_skins(n: int, method: str, rate: int, seconds: float, seed: int) -> dict
     """
     barrier = _SPAWN.Barrier(n)
     ports, board_end = _SPAWN.Pipe(duplex=False)
-    board = _SPAWN.Process(target=_board, args=(board_end, n, rate, seed), daemon=True)
+    board = _SPAWN.Process(target=play, args=(board_end, n, rate, seed), daemon=True)
     board.start()
     skins, ends = [], []
     try:
@@ -118,7 +118,7 @@ def run_skins(n: int, method: str, rate: int, seconds: float, seed: int) -> dict
     }
 
 
-def _board(pipe, n: int, rate: int, seed: int) -> None:
+def play(pipe, n: int, rate: int, seed: int) -> None:
     """Play the touches' bytes on n pseudo-terminals, each at another moment, until terminated."""
     circuit = Circuit()
     played = simulator.Board(circuit, PressureCurve(), _scene, frames_per_second=rate, seed=seed)

@@ -53,7 +53,7 @@ class Follower:
         status, message: of the last frame, as `Estimate` has them.
         residual: of the last frame [ADC steps].
         force: on its most loaded cell [N].
-        proof: what showed that its newtons are right.
+        proof: what showed that its newtons are right; may be set.
         std: (rows, cols) of the last picture, one standard deviation of each force [N].
         bound: (rows, cols, 2) the most that each cell of it may feel, by the circuit and in all
             [N]; of creep what came after the first second is taken out.
@@ -118,10 +118,6 @@ class Follower:
         self.bound = np.zeros((*self.circuit.shape, 2))
         self.taken: Counter[str] = Counter()
         self.fitted = True
-
-    def prove(self, proof: Proof) -> None:
-        """Learn what has shown that its newtons are right."""
-        self.proof = proof
 
     def use(self, method: str) -> None:
         """Use another method from now on; ValueError: there is none, or it does not fit."""
@@ -305,11 +301,6 @@ class Follower:
         if self._ended:
             found.append(Finding(Kind.SATURATION, "range", numbers={"count": self._ended}))
         return sorted(found, key=lambda finding: finding.rank)
-
-    @property
-    def found(self) -> list[Finding]:
-        """All that is wrong, and was in earlier frames."""
-        return self.findings()
 
     @property
     def rest_resistance(self) -> np.ndarray | None:

@@ -7,7 +7,6 @@ What is wrong names the file.
 from __future__ import annotations
 
 import contextlib
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -205,8 +204,6 @@ def _of_body(body: NodeAction, files: list[ParameterFile], spaces: dict) -> list
     if not spaces:
         raise LaunchError(f"{body.file}: {BODY}: needs config:=FILE, with the skins of the body")
     own = shared_out(body, (*SKIN_NODES, BODY))
-    if len(spaces) > 1 and (os.cpu_count() or 1) > 1:  # by what is given later it may be false
-        own["compensation"].insert(0, Parameter("own_process", True))
     elsewhere = {name for file in files for name in file.elsewhere}
     nodes = [
         NodeAction(kind, kind, space, own[kind], [], body.file)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An object in a process of its own, called as if it were here.
+"""The nodes of a skin in a process of its own, as who started it sees them.
 
 Python runs one thread of a process at a time: what calculates for milliseconds keeps all others
 waiting, those that stop the robot among them.
@@ -8,126 +8,265 @@ waiting, those that stop the robot among them.
 from __future__ import annotations
 
 import contextlib
+import dataclasses
+import itertools
+import logging
 import os
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-_SERVE = "-c", "import sys; from tactile_skin.middleware import process; process.serve(sys.argv[1])"
+from .bus import Node, Parameter
+from .parameter_file import ParameterFile
+from .plan import NodeAction
+
+_PROGRAM = "-m", "tactile_skin.skin_process"
 _PACKAGES = str(Path(__file__).parents[2])
-# s for an answer, after which the process hangs; and from one start to the next at least
+ALIVE = 0.5  # s between two words of the process, where it has nothing else to say
+# s of silence after which the process hangs; and from one start to the next at least
 _PATIENCE = 3.0
+_STARTS = 10.0  # s that it may take for its first word: it imports NumPy and SciPy
+_TURN = 0.05  # s between two looks at what is heard here, and at whether it has ended
+_ENDS = 0.2  # s for its final messages
 
 
-class ProcessEnded(RuntimeError):
-    """The process does not answer; it is started again when `OwnProcess.ready` is asked."""
+# --- what the two say to each other --------------------------------------------------------------
 
 
-class OwnProcess:
-    """Calls an object that another process has made; methods and attributes are the object's.
+class Start(NamedTuple):
+    """Run these nodes; the clock is that of who asks, and what is logged below the level is not."""
 
-    The process is started at once and nobody waits for it: ask `ready` first. All is for one
-    thread. The process ends with this one.
+    nodes: list[NodeAction]
+    clock: Any
+    level: int
+
+
+class Hear(NamedTuple):
+    """Send what is published on these topics, and on no others."""
+
+    topics: frozenset[str]
+
+
+class Published(NamedTuple):
+    """A message of a topic, either way."""
+
+    topic: str
+    message: Any
+
+
+class Call(NamedTuple):
+    """Call a service."""
+
+    number: int
+    service: str
+    request: Any
+
+
+class Change(NamedTuple):
+    """Change parameters of a node."""
+
+    number: int
+    node: str
+    values: dict[str, Any]
+
+
+class Answer(NamedTuple):
+    """What came of a Call or a Change."""
+
+    number: int
+    answer: Any
+    error: str  # why there is no answer; empty: there is one
+
+
+class Alive(NamedTuple):
+    """The nodes run."""
+
+
+class End(NamedTuple):
+    """Close the nodes."""
+
+
+# -------------------------------------------------------------------------------------------------
+
+
+class SkinProcess:
+    """Runs nodes in a process of their own, for which the same nodes stand here.
+
+    Those have the names, parameters, topics and services, and do nothing of themselves: messages of
+    the process that somebody here hears are published by them, and what others publish here reaches
+    the process. One that ends or hangs is started again.
+
+    Attributes:
+        why: why its nodes do not run; empty: they do.
     """
 
-    def __init__(self, make: Callable, arguments: tuple, like: Any, kept: tuple[str, ...]):
-        """Start the process.
+    def __init__(
+        self, actions: list[NodeAction], handles: list[Node], absent: Callable[[str, bool], None]
+    ):
+        """Start the process; nobody waits for it.
 
         Args:
-            make: function of a module that makes the object.
-            arguments: of it, which can be pickled.
-            like: an object made so, which says what the attributes are until the first answer.
-            kept: names of attributes that come with each answer; others are asked for.
+            handles: the nodes of `actions` that stand for them.
+            absent: called with `why`, and whether they have not run yet, again and again, in a
+                thread of this.
         """
-        self._make, self._names, self.arguments = make, kept, arguments
-        self._methods = {n for n in dir(type(like)) if callable(getattr(type(like), n))}
-        self._kept = {name: getattr(like, name) for name in kept}
-        self._why, self._over = "its process starts", False
+        self._actions, self._handles, self._absent = actions, handles, absent
+        self._context = handles[0].context
+        self._publishers = {p.topic_name: p for handle in handles for p in handle.publishers}
+        self._numbers, self._asked = itertools.count(), dict[int, Future]()
+        self._lock, self._over = threading.Lock(), threading.Event()
+        self._began, self.why = threading.Event(), "starts"
+        change = {handle: partial(self._change, handle) for handle in handles}
+        self._forwards = frozenset(
+            forward
+            for handle in handles
+            for forward in handle.stand_in(self._forward, self._call, change[handle])
+        )
         self._start()
+        self._thread = threading.Thread(
+            target=self._run, name=f"process {handles[0].get_namespace()}", daemon=True
+        )
+        self._thread.start()
+
+    def wait(self) -> None:
+        """Wait until its nodes run, but not for long."""
+        self._began.wait(_STARTS)
+
+    def end(self) -> None:
+        """Let the nodes publish their last words, and end the process for good."""
+        self._over.set()
+        self._send(End())
+        self._thread.join(_ENDS)
+        self._process.kill()
+        self._process.wait()
+        self._thread.join(_ENDS)
+        self._connection.close()
+
+    # --- its life, in a thread of its own ---
 
     def _start(self) -> None:
         here, there = socket.socketpair()
         with there:
-            self._process = started(_SERVE, [there])
-        self._connection, self._answers = Connection(here.detach()), False
-        self._started = time.monotonic()
-        with contextlib.suppress(OSError):  # it has ended already
-            self._connection.send((self._make, self.arguments, self._names))
+            self._process = started(_PROGRAM, [there])
+        self._connection, self._hears = Connection(here.detach()), frozenset[str]()
+        self._started = self._heard_at = time.monotonic()
+        nodes = [
+            dataclasses.replace(action, parameters=_values_of(handle))
+            for action, handle in zip(self._actions, self._handles, strict=True)
+        ]
+        level = self._handles[0].get_logger().getEffectiveLevel()
+        self._send(Start(nodes, self._context.clock, level))
 
-    @property
-    def ready(self) -> bool:
-        """Whether it answers; one that has ended is started again.
+    def _run(self) -> None:
+        looked = 0.0
+        while True:
+            try:
+                now = time.monotonic()
+                if now - looked >= _TURN:
+                    looked = now
+                    self._look(now)
+                if self._connection.poll(_TURN):
+                    self._take(self._connection.recv())
+            except (EOFError, OSError):
+                if self._ended():
+                    return
 
-        Raises:
-            Exception: what `make` raised.
-        """
-        if self._process.poll() is not None:
-            self._ended()
-            if not self._over and time.monotonic() - self._started >= _PATIENCE:
+    def _look(self, now: float) -> None:
+        """Say what is heard here, and that nothing runs; a process that hangs is killed."""
+        if self.why:
+            self._absent(self.why, not self._began.is_set())
+        else:
+            heard = frozenset(topic for topic in self._publishers if self._is_heard(topic))
+            if heard != self._hears:
+                self._send(Hear(heard))
+                self._hears = heard
+        if now - self._heard_at > (_STARTS if self.why else _PATIENCE):
+            self._process.kill()
+
+    def _is_heard(self, topic: str) -> bool:
+        return not self._forwards.issuperset(self._context._subscriptions.get(topic, ()))
+
+    def _take(self, word: Any) -> None:
+        self._heard_at = time.monotonic()
+        match word:
+            case Published(topic, message):
+                self._publishers[topic].publish(message)
+            case Alive():
+                self.why = ""
+                self._began.set()
+            case Answer(number, answer, error):
+                future = self._asked.pop(number)
+                if error:
+                    future.set_exception(RuntimeError(error))
+                else:
+                    future.set_result(answer)
+            case logging.LogRecord():
+                logging.getLogger(word.name).handle(word)
+
+    def _ended(self) -> bool:
+        """Start again a process that is gone; whether that is over."""
+        self._process.kill()
+        code = self._process.wait()
+        self.why = f"ended ({code}) and is started again"
+        for number in list(self._asked):
+            self._asked.pop(number).set_exception(RuntimeError(self.why))
+        while not self._over.is_set():
+            self._absent(self.why, not self._began.is_set())
+            if time.monotonic() - self._started >= _PATIENCE:
                 self._connection.close()
                 self._start()
-        elif not self._answers and self._connection.poll():
-            with contextlib.suppress(ProcessEnded):
-                self._answer()
-                self._answers = True
-        return self._answers
+                return False
+            self._over.wait(_TURN)
+        return True
 
-    def wait(self) -> bool:
-        """Wait for its first answer, but not for long; whether it came."""
-        if not self._answers:
-            self._connection.poll(2.0 * _PATIENCE)  # it imports NumPy and SciPy
-        return self.ready
+    # --- what the nodes here do ---
 
-    @property
-    def why(self) -> str:
-        """Why it does not answer."""
-        return self._why
+    def _send(self, word: Any) -> None:
+        with self._lock, contextlib.suppress(OSError):  # `_run` sees that it is gone
+            self._connection.send(word)
 
-    def _ended(self) -> ProcessEnded:
-        code = self._process.wait()
-        self._answers, self._why = False, f"its process ended ({code}) and is started again"
-        return ProcessEnded(self._why)
+    def _forward(self, topic: str, message: Any) -> None:
+        if threading.current_thread() is not self._thread and not self.why:  # else it comes thence
+            self._send(Published(topic, message))
 
-    def __getattr__(self, name: str) -> Any:
-        if name in self._kept:
-            return self._kept[name]
-        return partial(self._ask, name) if name in self._methods else self._ask(name)
-
-    def _ask(self, name: str, *arguments, **named):
-        if not self._answers:
-            raise ProcessEnded(self._why)
+    def _ask(self, kind: type, *what: Any) -> Any:
+        if self.why:
+            raise RuntimeError(f"its process {self.why}")
+        number, future = next(self._numbers), Future[Any]()
+        self._asked[number] = future
+        self._send(kind(number, *what))
         try:
-            self._connection.send((name, arguments, named))
-        except OSError:
-            raise self._ended() from None
-        return self._answer()
+            return future.result(_PATIENCE)
+        except TimeoutError:
+            raise RuntimeError("its process does not answer") from None
 
-    def _answer(self):
+    def _call(self, service: str, request: Any, response: Any) -> Any:
         try:
-            if not self._connection.poll(_PATIENCE):
-                self._process.kill()
-                raise EOFError
-            done, found, kept = self._connection.recv()
-        except (EOFError, OSError):
-            raise self._ended() from None
-        self._kept = kept or self._kept
-        if not done:
-            self._why = str(found)
-            raise found
-        return found
+            return self._ask(Call, service, request)
+        except RuntimeError as error:
+            response.success, response.message = False, str(error)
+            return response
 
-    def end(self) -> None:
-        """End the process for good."""
-        self._over = True
-        self._process.kill()
-        self._process.wait()
-        self._connection.close()
+    def _change(self, handle: Node, values: dict[str, Any]) -> None:
+        try:
+            answer = self._ask(Change, handle.get_fully_qualified_name(), values)
+        except RuntimeError as error:
+            raise ValueError(str(error)) from None
+        if not answer.successful:
+            raise ValueError(answer.reason)
+
+
+def _values_of(handle: Node) -> list[ParameterFile | Parameter]:
+    """Return the parameters of a node as they are now."""
+    return [handle.get_parameter(name) for name in handle.parameter_names()]
 
 
 def started(words: Sequence[str], sockets: Sequence[socket.socket]) -> subprocess.Popen:
@@ -141,31 +280,3 @@ def started(words: Sequence[str], sockets: Sequence[socket.socket]) -> subproces
         env=os.environ | {"PYTHONPATH": path, "OPENBLAS_NUM_THREADS": "1"},
         start_new_session=True,  # Ctrl-C ends this process, and that ends it
     )
-
-
-def serve(descriptor: str) -> None:
-    """Make what is asked for, and carry out the calls, until the other end is gone."""
-    with Connection(int(descriptor)) as connection, contextlib.suppress(EOFError, OSError):
-        make, given, names = connection.recv()
-        done, thing = _tried(make, *given)
-        connection.send((done, None if done else thing, _named(thing, names) if done else {}))
-        while True:
-            name, arguments, named = connection.recv()
-            connection.send((*_tried(_call, thing, name, arguments, named), _named(thing, names)))
-
-
-def _tried(function: Callable, *arguments) -> tuple[bool, Any]:
-    """Return whether a function returns, and what; or the error that it raises."""
-    try:
-        return True, function(*arguments)
-    except Exception as error:
-        return False, error
-
-
-def _call(thing, name: str, arguments: tuple, named: dict):
-    found = getattr(thing, name)
-    return found(*arguments, **named) if callable(found) else found
-
-
-def _named(thing, names: tuple[str, ...]) -> dict[str, Any]:
-    return {name: getattr(thing, name) for name in names}

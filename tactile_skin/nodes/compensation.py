@@ -3,10 +3,7 @@
 
 from __future__ import annotations
 
-import dataclasses
 import datetime
-import functools
-import logging
 from collections.abc import Callable
 
 from ..findings.finding import BESIDE_THE_REST, Finding, Kind
@@ -22,7 +19,6 @@ from ..middleware.config import (
     geometry_of,
     proof_of,
 )
-from ..middleware.process import OwnProcess, ProcessEnded
 from ..msg import (
     PAIR,
     DiagnosticArray,
@@ -50,8 +46,6 @@ _LATE = 0.01
 _FULL_FIT = 0.1  # s after a full fit until the next, however late: only that tests the circuit
 _OLD = 0.05  # s from which on a reading is old news: half of `stale_after`
 _APART = 0.02  # s apart that old ones are taken, for the stop to know that there are readings
-# what a skin in a process of its own sends with each answer
-_KEPT = ("status", "fault", "waits", "found", "fitted", "std", "bound", "proof")
 
 
 def skin_of(given: Parameters, warn: Callable[[str], None]) -> Follower:
@@ -81,27 +75,6 @@ def skin_of(given: Parameters, warn: Callable[[str], None]) -> Follower:
         today=datetime.date.today(),
         warn=warn,
     )
-
-
-def _followed(given: Parameters) -> Follower:
-    """Return the skin of a process of its own."""
-    skin = skin_of(given, logging.getLogger(__name__).warning)
-    skin.use(given.method)
-    return skin
-
-
-def _where_it_answers(callback):
-    """Call a method where the skin can be asked; it ends where the skin's process does."""
-
-    @functools.wraps(callback)
-    def called(self, *arguments):
-        try:
-            if self._answers():
-                callback(self, *arguments)
-        except ProcessEnded:
-            self._answers()
-
-    return called
 
 
 class Compensation:
@@ -141,7 +114,6 @@ class Compensation:
                 *circuit.shape,
             )
         self.skin = skin_of(given, node.get_logger().warning)
-        self._own = OwnProcess(_followed, (given,), self.skin, _KEPT) if given.own_process else None
         self._proved_by = self.skin.proof  # as the file has it
         self._pressure = node.create_publisher(Image, "skin/pressure", 10)
         self._bound = node.create_publisher(Image, "skin/pressure_bound", 10)
@@ -157,7 +129,6 @@ class Compensation:
         self._taken_at, self.skipped = -float("inf"), 0  # s, when the last frame was taken; frames
         self._fitted_at = -float("inf")  # s, when the last one was that the configured method took
         self.on_parameters({"method": given.method})
-        self.skin = self._own or self.skin
         node.on_set_parameters(self.on_parameters)
         node.create_subscription(Image, "skin/adc", self.on_adc, READING)
         node.create_subscription(DiagnosticArray, diagnostics.TOPIC, self.on_diagnostics, 50)
@@ -165,34 +136,11 @@ class Compensation:
         node.create_service(Trigger, "~/tare", self.on_tare)
         node.create_timer(1.0, self.on_second)
 
-    def wait(self) -> None:
-        """Wait for the skin's process, if it has one of its own."""
-        if self._own:
-            self._own.wait()
-
     def on_parameters(self, values: dict) -> None:
         """Another method from the next frame on."""
-        try:
-            self.skin.use(values["method"])
-        except ProcessEnded as error:
-            raise ValueError(str(error)) from None
+        self.skin.use(values["method"])
         self._method = values["method"]
-        if self._own:  # one that is started again begins with it
-            (given,) = self._own.arguments
-            self._own.arguments = (dataclasses.replace(given, method=self._method),)
 
-    def _answers(self) -> bool:
-        """Whether the skin can be asked; if not, the robot waits, and hears why."""
-        if self._own is None or self._own.ready:
-            return True
-        changed = (self._level, self._message) != (diagnostics.ERROR, self._own.why)
-        self._level, self._message, self._waiting = diagnostics.ERROR, self._own.why, True
-        self._finding, self._others = None, ""
-        if changed:
-            self.report()
-        return False
-
-    @_where_it_answers
     def on_adc(self, msg: Image) -> None:
         clock = self.node.get_clock().now()
         if heard(self._taken_up):
@@ -221,21 +169,15 @@ class Compensation:
         if force is not None and heard(self._std):
             self._std.publish(image(self.skin.std / self.cell_area, "32FC1", msg.header))
 
-    @_where_it_answers
     def on_diagnostics(self, msg: DiagnosticArray) -> None:
         """Learn that the board is simulated, with the curve of this skin: nothing is unknown."""
         for status in msg.status:
             for pair in status.values:
                 if pair.key == diagnostics.SIMULATED:
                     simulated = pair.value == "true"
-                    proof = Proof(SIMULATED) if simulated else self._proved_by
-                    if proof != self.skin.proof:
-                        self.skin.prove(proof)
+                    self.skin.proof = Proof(SIMULATED) if simulated else self._proved_by
 
     def on_reset(self, _, response):
-        if not self._answers():
-            response.success, response.message = False, self._message
-            return response
         self.skin.reset()
         self._update_level(past=False)
         self.report()  # the stop must know before it is reset
@@ -243,17 +185,13 @@ class Compensation:
         return response
 
     def on_tare(self, _, response):
-        refused = self.skin.tare() if self._answers() else self._message
+        refused = self.skin.tare()
         response.success = not refused
         response.message = refused or "measuring rest: hands off for a second"
         return response
 
-    def close(self) -> None:
-        if self._own:
-            self._own.end()
-
     def _update_level(self, *, past: bool = True) -> None:
-        skin, found = self.skin, self.skin.found if past else self.skin.findings(past=False)
+        skin, found = self.skin, self.skin.findings(past=past)
         self._others = "; ".join(map(str, found[1:]))
         failed = skin.status == "failed"
         level = diagnostics.WARN if found or skin.status != "ok" else diagnostics.OK
@@ -288,7 +226,6 @@ class Compensation:
             return False
         return finding == self._finding or now(self.node) - self._said < _HOLD
 
-    @_where_it_answers
     def on_second(self) -> None:
         self.report()
         rest = self.skin.rest_resistance
@@ -308,14 +245,15 @@ class Compensation:
         return found
 
     def report(self) -> None:
-        values = {"method": self._method, diagnostics.WAITING: str(self._waiting).lower()}
-        values |= {diagnostics.PROOF: self.skin.proof.by, "skipped": str(self.skipped)}
-        if self._own is None or self._own.ready:
-            values |= self.skin.values() | {
-                diagnostics.UNKNOWN: " ".join(self._unknown()),
-                diagnostics.UNKNOWN_SERIES: f"{self.skin.hidden_series:.1f}",
-                diagnostics.STANDS: self.skin.stands,
-            }
+        values = self.skin.values() | {
+            "method": self._method,
+            diagnostics.WAITING: str(self._waiting).lower(),
+            diagnostics.PROOF: self.skin.proof.by,
+            diagnostics.UNKNOWN: " ".join(self._unknown()),
+            diagnostics.UNKNOWN_SERIES: f"{self.skin.hidden_series:.1f}",
+            diagnostics.STANDS: self.skin.stands,
+            "skipped": self.skipped,
+        }
         if self._finding:
             finding = self._finding
             values[diagnostics.KIND] = finding.kind.value

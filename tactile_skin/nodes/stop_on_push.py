@@ -266,6 +266,16 @@ class StopOnPush:
         }
         self._decisions.publish(decision, values, self._header, final)
 
+    def absent(self, why: str, waiting: bool) -> None:
+        """Publish a stop for the node of another process, which this one stands for.
+
+        Args:
+            why: its process does not answer.
+            waiting: it has not run yet.
+        """
+        self.policy.fault("its process", why, waiting)
+        self._publish(self.policy.decide(now(self.node)))
+
     def close(self) -> None:
         """Publish a final stop: nothing monitors the skin from here on."""
         self.policy.fault(diagnostics.name_of(self.node), "the skin shuts down")

@@ -105,12 +105,6 @@ class Compensation:
         "each cell rests as the curve says, to 0.5 %, else its picture is suspect and stops the "
         "robot",
     )
-    own_process: bool = parameter(
-        False,
-        "",
-        "calculate in a process of its own, as each of a body's skins does where the computer has "
-        "several cores, unless this says false",
-    )
     suspect_stops: bool = parameter(
         True, "", "faults of the circuit and a saturated input stop the robot"
     )
@@ -155,6 +149,9 @@ class Body(Framed, PushLimits):
 
     skins: list[str] = parameter([""], "", SKINS)
     separate: bool = parameter(False, "", "on ROS, a process for each skin")
+    own_processes: bool = parameter(
+        True, "", "without ROS, one for each skin where the computer has several cores"
+    )
 
 
 @dataclasses.dataclass(frozen=True)

@@ -211,9 +211,6 @@ class Driven:
         self._clock = ManualClock(0.0)
         context = Context(self._clock)
         self._set(start)
-        for action in plan.nodes:
-            if action.executable == "compensation":
-                action.give({"own_process": False})  # its clock is not driven
         self._skin = Skin(plan, context)
         self._skin.build()
         kinds = [action.executable for action in plan.nodes]

@@ -1,88 +1,104 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An object in a process of its own answers as if it were here, and says when it cannot."""
+"""Nodes in a process of their own do what they would do here, and it is said when they cannot."""
 
 import os
 import signal
 
-import numpy as np
 import pytest
-from support.patience import until
+from support.patience import PATIENCE, until
+from support.skins import skin_of
 
-from tactile_skin.middleware.process import OwnProcess, ProcessEnded
+from tactile_skin.middleware.bus import Node, Parameter, result_of
+from tactile_skin.middleware.process import SkinProcess
+from tactile_skin.msg import DiagnosticArray, Float32, Header, Trigger
+from tactile_skin.nodes.gesture_feature import contact_cloud
+from tactile_skin.nodes.stop_on_push import STATUS_TOPIC
 
 pytestmark = pytest.mark.live
 
 
-class Counter:
-    def __init__(self, count: int):
-        if count < 0:
-            raise ValueError("count must not be negative")
-        self.count = count
-
-    def add(self, more: int, *, twice: bool = False) -> np.ndarray:
-        if more < 0:
-            raise ValueError(f"more = {more}: must not be negative")
-        self.count += (1 + twice) * more
-        return np.full(2, self.count)
-
-    @property
-    def half(self) -> float:
-        return 0.5 * self.count
-
-    def where(self) -> int:
-        return os.getpid()
-
-    def die(self) -> None:
-        os._exit(3)
-
-
 @pytest.fixture
-def counter():
-    made = OwnProcess(Counter, (4,), Counter(4), ("count",))
-    yield made
-    made.end()
+def stop():
+    """A stop node, run by a process; .process, .absent (what it was called with), .heard."""
+    skin = skin_of(("stop_on_push", {"threshold": 25.0}))
+    with skin:
+        (action,), (handle,) = skin._plan.nodes, skin._handles
+        skin.absent, skin.heard, skin.handle = [], [], handle
+        skin.process = SkinProcess([action], [handle], lambda *why: skin.absent.append(why))
+        take = skin.heard.append
+        skin.node.create_subscription(DiagnosticArray, STATUS_TOPIC, take, 100)
+        yield skin
+        skin.process.end()
 
 
-def test_calls_attributes_and_errors_are_the_objects(counter):
-    assert counter.count == 4  # before it answers
-    with pytest.raises(ProcessEnded, match="its process starts"):
-        counter.add(1)
-    until(lambda: counter.ready)
-    assert counter.add(1, twice=True).tolist() == [6, 6]
-    assert (counter.count, counter.half) == (6, 3.0)
-    assert counter.where() == counter._process.pid != os.getpid()
-    with pytest.raises(ValueError, match="more = -1: must not be negative"):
-        counter.add(-1)
-    assert counter.add(0).tolist() == [6, 6]
+def said(stop) -> str:
+    return stop.heard[-1].status[0].message if stop.heard else ""
 
 
-def test_what_ends_is_started_again_until_it_is_over(counter):
-    until(lambda: counter.ready)
-    counter.add(1)
-    with pytest.raises(ProcessEnded, match=r"its process ended \(3\) and is started again"):
-        counter.die()
-    counter.arguments = (7,)
-    until(lambda: counter.ready)
-    assert counter.count == 7 and counter.add(1)[0] == 8
-    counter.end()
-    assert not counter.ready
+def values(stop) -> dict[str, str]:
+    return {pair.key: pair.value for pair in stop.heard[-1].status[0].values} if stop.heard else {}
 
 
-def test_what_cannot_be_made_never_answers():
-    made = OwnProcess(Counter, (-1,), Counter(1), ("count",))
-    with pytest.raises(ValueError, match="count must not be negative"):
-        until(lambda: made.ready)
-    assert not made.ready and made.why == "count must not be negative" and made.count == 1
-    made.end()
+def change(stop, threshold: float):
+    given = [Parameter("threshold", threshold)]
+    return result_of(stop.handle.ask(stop.handle.set_parameters_atomically, given), PATIENCE)
 
 
-def test_one_that_hangs_is_killed_and_one_may_end_before_it_answers(counter):
-    counter._process.kill()
-    counter._process.wait()
-    assert not counter.ready and "ended (-9)" in counter.why
-    until(lambda: counter.ready)
-    os.kill(counter._process.pid, signal.SIGSTOP)
-    with pytest.raises(ProcessEnded, match=r"ended \(-9\)"):
-        counter.where()
-    until(lambda: counter.ready)
-    assert counter.add(1)[0] == 5
+def test_topics_services_and_parameters_are_the_processes(stop, caplog):
+    assert stop.absent[0] == ("starts", True)
+    stop.process.wait()
+    until(lambda: said(stop) == "stale: no reading yet", "a first decision")
+    contacts = stop.node.create_publisher(
+        type(empty := contact_cloud([], Header())), "skin/contacts", 1
+    )
+    contacts.publish(empty)  # heard by the process alone
+    until(lambda: "old when they arrive" in said(stop), "a reading of long ago")
+    assert values(stop)["threshold"] == "25"
+    assert change(stop, 300.0).successful
+    until(lambda: values(stop)["threshold"] == "300", "another limit")
+    until(lambda: "no push will stop the robot" in caplog.text.replace("\n", " "), "its warning")
+    refused = change(stop, -1.0)
+    assert not refused.successful and "= -1.0: must be from" in refused.reason
+    refused = change(stop, 5.0)  # by the node: below `release`
+    assert not refused.successful and "release" in refused.reason
+    assert stop.handle.get_parameter("threshold").value == 300.0
+    reset = stop.node.create_client(Trigger, "/stop_on_push/reset")
+    assert not reset.call(Trigger.Request(), PATIENCE).success  # it is stale
+    assert stop.process.why == ""
+
+
+def test_only_what_is_heard_is_sent(stop):
+    stop.process.wait()
+    until(lambda: STATUS_TOPIC in {t.strip("/") for t in stop.process._hears}, "somebody hears")
+    assert "/skin/stop" not in stop.process._hears
+    node = Node("late", context=stop._context)
+    node.create_listener(stop.process._publishers["/skin/stop"].msg_type, "skin/stop")
+    until(lambda: "/skin/stop" in stop.process._hears, "one that came later")
+    node.destroy_node()
+    until(lambda: "/skin/stop" not in stop.process._hears, "it has gone")
+    node.create_publisher(Float32, "skin/other", 1).publish(Float32(1.0))  # is nobody's
+
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
+def test_one_that_ends_or_hangs_is_said_and_started_again(stop, how):
+    stop.process.wait()
+    until(lambda: said(stop), "a decision")
+    assert change(stop, 33.0).successful
+    stop.absent.clear()
+    os.kill(stop.process._process.pid, how)
+    until(lambda: stop.absent, "it is said")
+    assert stop.absent[0] == ("ended (-9) and is started again", False)
+    answer = stop.node.create_client(Trigger, "/stop_on_push/reset").call(Trigger.Request(), 1.0)
+    assert not answer.success and answer.message == f"its process {stop.absent[0][0]}"
+    assert "its process ended" in change(stop, 40.0).reason
+    until(lambda: not stop.process.why, "it runs again")
+    stop.heard.clear()
+    until(lambda: values(stop).get("threshold") == "33", "what was changed")
+
+
+def test_the_last_words_are_heard(stop):
+    stop.process.wait()
+    until(lambda: said(stop), "a decision")
+    stop.process.end()
+    until(lambda: "the skin shuts down" in said(stop), "its last decision")
+    assert stop.process._process.poll() is not None and not stop.process._thread.is_alive()

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TypeVar
 
 from ...errors import ParameterError
@@ -17,6 +18,7 @@ from .topics import DurabilityPolicy, Listener, Publisher, QoSProfile, Subscript
 
 _Heard = TypeVar("_Heard", bound=Subscription)
 _LATCHED = QoSProfile(durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_NEW = QoSProfile()  # nothing that was published before
 
 
 class Node(Inbox):
@@ -206,17 +208,47 @@ class Node(Inbox):
         self._parameters |= {name: Parameter(name, value) for name, value in changed.items()}
         return SetParametersResult(True)
 
+    def stand_in(self, forward: Callable, call: Callable, change: Callable) -> list[Listener]:
+        """Stand for the node of this name in another process: do nothing of itself any more.
+
+        Args:
+            forward: takes a topic and each message that others publish on it for this node, in
+                their threads.
+            call: answers a service, by its name and the request.
+            change: takes parameters, name -> value; a ValueError refuses them.
+
+        Returns:
+            what listens for `forward`.
+        """
+        with self.context._lock, self._lock:
+            heard = self._subscriptions
+            self._stop_listening()
+            self._timers = []
+            for service in self._services:
+                self.context._services[service.srv_name] = service._replace(
+                    callback=partial(call, service.srv_name)
+                )
+            self._on_set = change if self._on_set else None
+        return [
+            self.create_listener(s.msg_type, s.topic_name, partial(forward, s.topic_name), _NEW)
+            for s in heard
+        ]
+
+    def _stop_listening(self) -> None:
+        for s in self._subscriptions:
+            others = self.context._subscriptions[s.topic_name]
+            self.context._subscriptions[s.topic_name] = tuple(o for o in others if o is not s)
+        self._subscriptions = []
+
     def destroy_node(self) -> None:
         """Leave all topics and services; callbacks under way finish."""
         with self.context._lock, self._lock:
-            for s in self._subscriptions:
-                others = self.context._subscriptions[s.topic_name]
-                self.context._subscriptions[s.topic_name] = tuple(o for o in others if o is not s)
+            self._stop_listening()
             for p in self._publishers:
                 self.context._publishers[p.topic_name].remove(p)
             for service in self._services:
                 del self.context._services[service.srv_name]
-            for kept in (self._subscriptions, self._publishers, self._services):
+            for kept in (self._publishers, self._services):
                 kept.clear()
             self._leave()
         self._wake.set()
