@@ -28,7 +28,7 @@ from .bus import Node, Parameter
 from .parameter_file import ParameterFile
 from .plan import NodeAction
 
-_PROGRAM = "-m", "tactile_skin.skin_process"
+_PROGRAM = "-m", "tactile_skin.launch.served"
 _PACKAGES = str(Path(__file__).parents[2])
 ALIVE = 0.5  # s between two words of the process, where it has nothing else to say
 # s of silence after which the process hangs; and from one start to the next at least

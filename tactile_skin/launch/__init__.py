@@ -23,13 +23,13 @@ import subprocess
 import time
 from collections.abc import Mapping, Sequence
 
-from .behaviours.hooks import StopHook
-from .errors import LaunchError
-from .middleware.bus import Context, Node
-from .middleware.launch_file import read_arguments, read_plan
-from .middleware.logs import QueuedLog
-from .middleware.package import BODY, PACKAGE, RECORDER, SKIN_NODES, VIEW, find, share_dir
-from .middleware.plan import (
+from ..behaviours.hooks import StopHook
+from ..errors import LaunchError
+from ..middleware.bus import Context, Node
+from ..middleware.launch_file import read_arguments, read_plan
+from ..middleware.logs import QueuedLog
+from ..middleware.package import BODY, PACKAGE, RECORDER, SKIN_NODES, VIEW, find, share_dir
+from ..middleware.plan import (
     NodeAction,
     Plan,
     by_thread,
@@ -39,12 +39,12 @@ from .middleware.plan import (
     naming_its_file,
     user_node,
 )
-from .middleware.process import SkinProcess
-from .middleware.signals import SIGNALS, unwinding
-from .middleware.threads import PACE, close_nodes
-from .msg import Trigger
-from .nodes import diagnostics
-from .nodes.observers.listening import NOT_YET, Listening
+from ..middleware.process import SkinProcess
+from ..middleware.signals import SIGNALS, unwinding
+from ..middleware.threads import PACE, close_nodes
+from ..msg import Trigger
+from ..nodes import diagnostics
+from ..nodes.observers.listening import NOT_YET, Listening
 
 __all__ = [
     "LaunchError",
@@ -61,7 +61,7 @@ __all__ = [
 def __getattr__(name: str):
     # Here: half of a skin's start is the import of SciPy, and its simulated board can start before.
     if name in ("SkinConfig", "read_skin"):
-        return getattr(importlib.import_module(".middleware.config", __package__), name)
+        return getattr(importlib.import_module("..middleware.config", __package__), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
@@ -174,7 +174,7 @@ class Skin(Listening):
         Raises:
             ValueError: a name or a value that is wrong; the message names it.
         """
-        from .parameters.nodes import all_names
+        from ..parameters.nodes import all_names
 
         names: dict[str, frozenset[str] | None] = {}
         for action in self._plan.nodes:

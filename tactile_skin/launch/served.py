@@ -14,12 +14,12 @@ from logging.handlers import QueueHandler
 from multiprocessing.connection import Connection
 from typing import Any
 
-from .launch import Skin
-from .middleware import process
-from .middleware.bus import Context, Node, Parameter
-from .middleware.bus.inbox import result_of
-from .middleware.package import PACKAGE
-from .middleware.plan import Plan
+from ..middleware import process
+from ..middleware.bus import Context, Node, Parameter
+from ..middleware.bus.inbox import result_of
+from ..middleware.package import PACKAGE
+from ..middleware.plan import Plan
+from . import Skin
 
 _WITHIN = 2.0  # s for an answer of a node: less than who asks waits
 
