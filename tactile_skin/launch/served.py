@@ -110,8 +110,10 @@ class _Log(QueueHandler):
 
 def main(descriptor: str) -> None:
     """Run the skin that who started this process describes."""
-    with Connection(int(descriptor)) as connection, Served(connection) as skin:
-        skin.serve()
+    with Connection(int(descriptor)) as connection:
+        skin = Served(connection)
+        with skin:
+            skin.serve()
 
 
 if __name__ == "__main__":
