@@ -5,13 +5,13 @@ from __future__ import annotations
 
 import contextlib
 import math
+import socket
 import sys
 import threading
 import time
 from functools import partial
 from logging import LogRecord, getLogger
 from logging.handlers import QueueHandler
-from multiprocessing.connection import Connection
 from typing import Any
 
 from ..middleware import process
@@ -27,10 +27,9 @@ _WITHIN = 2.0  # s for an answer of a node: less than who asks waits
 class Served(Skin):
     """A skin whose topics, services and parameters another process has the use of."""
 
-    def __init__(self, connection: Connection):
-        start: process.Start = connection.recv()
+    def __init__(self, line: process.Line, start: process.Start):
         super().__init__(Plan(start.nodes), Context(start.clock))
-        self._connection, self._sending = connection, threading.Lock()
+        self.line = line
         self._relays: dict[str, Node] = {}
         self.began = math.inf  # s of the day; what nodes log before, those that stand for them do
         logger = getLogger(PACKAGE)
@@ -40,13 +39,13 @@ class Served(Skin):
     def serve(self) -> None:
         """Do what the other process asks for, until it is gone or asks for the end."""
         self.began = time.time()
-        self.send(process.Alive())
-        with contextlib.suppress(EOFError, OSError):
+        said = -math.inf
+        with contextlib.suppress(OSError):
             while True:
-                if not self._connection.poll(process.ALIVE):
-                    self.send(process.Alive())
-                    continue
-                match self._connection.recv():
+                if time.monotonic() - said >= process.ALIVE:
+                    said = time.monotonic()
+                    self.line.say(process.Alive())
+                match self.line.hear():
                     case process.Hear(topics):
                         self._hear(topics)
                     case process.Published(topic, message):
@@ -58,11 +57,6 @@ class Served(Skin):
                     case process.End():
                         return
 
-    def send(self, word: Any) -> None:
-        """Say a word, in whatever thread; nothing happens where nobody is there."""
-        with self._sending, contextlib.suppress(OSError):
-            self._connection.send(word)
-
     def _hear(self, topics: frozenset[str]) -> None:
         for topic in self._relays.keys() - topics:
             self._relays.pop(topic).destroy_node()
@@ -73,7 +67,7 @@ class Served(Skin):
 
     def _pass_on(self, topic: str, message: Any) -> None:
         if threading.current_thread() is not threading.main_thread():  # where it comes from
-            self.send(process.Published(topic, message))
+            self.line.say(process.Published(topic, message))
 
     def _publish(self, topic: str, message: Any) -> None:
         for subscription in self._context._subscriptions[topic]:
@@ -84,7 +78,7 @@ class Served(Skin):
             answer, error = function(*arguments), ""
         except Exception as raised:
             answer, error = None, str(raised) or repr(raised)
-        self.send(process.Answer(number, answer, error))
+        self.line.say(process.Answer(number, answer, error))
 
     def _call(self, service: str, request: Any) -> Any:
         kind = self._context._services[service].srv_type
@@ -105,15 +99,17 @@ class _Log(QueueHandler):
 
     def enqueue(self, record: LogRecord) -> None:
         if record.created >= self._skin.began:
-            self._skin.send(record)
+            self._skin.line.say(record)
 
 
 def main(descriptor: str) -> None:
     """Run the skin that who started this process describes."""
-    with Connection(int(descriptor)) as connection:
-        skin = Served(connection)
-        with skin:
-            skin.serve()
+    line = process.Line(socket.socket(fileno=int(descriptor)), process.ALIVE)
+    if (start := line.hear()) is None:
+        return
+    skin = Served(line, start)
+    with skin:
+        skin.serve()
 
 
 if __name__ == "__main__":

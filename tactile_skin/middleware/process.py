@@ -12,6 +12,7 @@ import dataclasses
 import itertools
 import logging
 import os
+import pickle
 import socket
 import subprocess
 import sys
@@ -20,7 +21,6 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from functools import partial
-from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -36,6 +36,7 @@ _PATIENCE = 3.0
 _STARTS = 10.0  # s that it may take for its first word: it imports NumPy and SciPy
 _TURN = 0.05  # s between two looks at what is heard here, and at whether it has ended
 _ENDS = 0.2  # s for its final messages
+_LARGEST = 1 << 18  # bytes of a word: a picture of 64 x 64 cells has 32768
 
 
 # --- what the two say to each other --------------------------------------------------------------
@@ -94,6 +95,38 @@ class End(NamedTuple):
     """Close the nodes."""
 
 
+class Line:
+    """One end of what the two say to each other: whole words, which any thread may say."""
+
+    def __init__(self, end: socket.socket, patience: float):
+        """Take an end of a pair; `patience` is how long to wait for a word, or for room [s]."""
+        end.settimeout(patience)
+        self._socket, self._lock = end, threading.Lock()
+        self._room = memoryview(bytearray(_LARGEST))
+
+    def say(self, word: Any) -> None:
+        """Say a word; it is lost where nobody is there, or takes none."""
+        with self._lock, contextlib.suppress(OSError):
+            self._socket.send(pickle.dumps(word, pickle.HIGHEST_PROTOCOL))
+
+    def hear(self) -> Any:
+        """Return the next word; None: none comes.
+
+        Raises:
+            OSError: the other end is gone.
+        """
+        try:
+            size = self._socket.recv_into(self._room)
+        except TimeoutError:
+            return None
+        if not size:
+            raise ConnectionResetError
+        return pickle.loads(self._room[:size])
+
+    def close(self) -> None:
+        self._socket.close()
+
+
 # -------------------------------------------------------------------------------------------------
 
 
@@ -122,8 +155,7 @@ class SkinProcess:
         self._context = handles[0].context
         self._publishers = {p.topic_name: p for handle in handles for p in handle.publishers}
         self._numbers, self._asked = itertools.count(), dict[int, Future]()
-        self._lock, self._over = threading.Lock(), threading.Event()
-        self._began, self.why = threading.Event(), "starts"
+        self._over, self._began, self.why = threading.Event(), threading.Event(), "starts"
         change = {handle: partial(self._change, handle) for handle in handles}
         self._forwards = frozenset(
             forward
@@ -143,27 +175,27 @@ class SkinProcess:
     def end(self) -> None:
         """Let the nodes publish their last words, and end the process for good."""
         self._over.set()
-        self._send(End())
+        self._line.say(End())
         self._thread.join(_ENDS)
         self._process.kill()
         self._process.wait()
         self._thread.join(_ENDS)
-        self._connection.close()
+        self._line.close()
 
     # --- its life, in a thread of its own ---
 
     def _start(self) -> None:
-        here, there = socket.socketpair()
+        here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with there:
             self._process = started(_PROGRAM, [there])
-        self._connection, self._hears = Connection(here.detach()), frozenset[str]()
+        self._line, self._hears = Line(here, _TURN), frozenset[str]()
         self._started = self._heard_at = time.monotonic()
         nodes = [
             dataclasses.replace(action, parameters=_values_of(handle))
             for action, handle in zip(self._actions, self._handles, strict=True)
         ]
         level = self._handles[0].get_logger().getEffectiveLevel()
-        self._send(Start(nodes, self._context.clock, level))
+        self._line.say(Start(nodes, self._context.clock, level))
 
     def _run(self) -> None:
         looked = 0.0
@@ -173,9 +205,9 @@ class SkinProcess:
                 if now - looked >= _TURN:
                     looked = now
                     self._look(now)
-                if self._connection.poll(_TURN):
-                    self._take(self._connection.recv())
-            except (EOFError, OSError):
+                if (word := self._line.hear()) is not None:
+                    self._take(word)
+            except OSError:
                 if self._ended():
                     return
 
@@ -186,7 +218,7 @@ class SkinProcess:
         else:
             heard = frozenset(topic for topic in self._publishers if self._is_heard(topic))
             if heard != self._hears:
-                self._send(Hear(heard))
+                self._line.say(Hear(heard))
                 self._hears = heard
         if now - self._heard_at > (_STARTS if self.why else _PATIENCE):
             self._process.kill()
@@ -221,7 +253,7 @@ class SkinProcess:
         while not self._over.is_set():
             self._absent(self.why, not self._began.is_set())
             if time.monotonic() - self._started >= _PATIENCE:
-                self._connection.close()
+                self._line.close()
                 self._start()
                 return False
             self._over.wait(_TURN)
@@ -229,20 +261,16 @@ class SkinProcess:
 
     # --- what the nodes here do ---
 
-    def _send(self, word: Any) -> None:
-        with self._lock, contextlib.suppress(OSError):  # `_run` sees that it is gone
-            self._connection.send(word)
-
     def _forward(self, topic: str, message: Any) -> None:
         if threading.current_thread() is not self._thread and not self.why:  # else it comes thence
-            self._send(Published(topic, message))
+            self._line.say(Published(topic, message))
 
     def _ask(self, kind: type, *what: Any) -> Any:
         if self.why:
             raise RuntimeError(f"its process {self.why}")
         number, future = next(self._numbers), Future[Any]()
         self._asked[number] = future
-        self._send(kind(number, *what))
+        self._line.say(kind(number, *what))
         try:
             return future.result(_PATIENCE)
         except TimeoutError:

@@ -47,6 +47,7 @@ from .stop_on_push import (
 )
 from .touch import xyz
 
+_OFTEN = 0.01  # s between decisions while nothing changes: half of HEARTBEAT
 _NEWEST = 1  # messages of a topic that wait: a body that lags reads a stop before old contacts
 _PIECE = "force", "area", "peak", "bound", "peak_bound"  # fields of a contact that add up
 _SKIN = "skin"  # field of a contact: the place of its skin in the parameter `skins`, from 0
@@ -105,6 +106,7 @@ class Body:
         self._ages: dict[str, float] = {}  # skin -> how old that was when it was heard [s]
         self._pushed = False  # whether a push is on in the wrench that was published last
         self._decisions = Decisions(node)
+        self._decided = -math.inf  # s, when it was decided last
         self._contacts = node.create_publisher(PointCloud2, "skin/contacts", 10)
         self._wrench = node.create_publisher(WrenchStamped, "skin/wrench", 10)
         self._centre = node.create_publisher(PointStamped, "skin/centre", 10)
@@ -133,8 +135,12 @@ class Body:
         t = now(self.node)
         self._bases[name] = seconds(msg.header)
         self._ages[name] = t - self._bases[name]
-        self.stop.skins[name].hear(t, stop_message_of(msg, t), self._bases[name])
-        self._decide(t, always=False)
+        skin = self.stop.skins[name]
+        before = skin.reasons(t)
+        skin.hear(t, stop_message_of(msg, t), self._bases[name])
+        # many skins say often that they are as before
+        if not 0.0 <= t - self._decided < _OFTEN or skin.reasons(t) != before:
+            self._decide(t, always=False)
 
     def on_wrench(self, name: str, msg: WrenchStamped) -> None:
         if (pose := self._pose(name, msg.header)) is None:
@@ -145,17 +151,12 @@ class Body:
             self._joined(name, msg.header)
 
     def on_contacts(self, name: str, msg: PointCloud2) -> None:
-        stamp, columns = seconds(msg.header), cloud_columns(msg)
-        self.stop.touched(name, stamp, most_of(columns))
+        stamp = seconds(msg.header)
+        columns = cloud_columns(msg) if msg.width else {}  # most touch nothing
+        self.stop.touched(name, stamp, most_of(columns) if columns else 0.0)
         if (pose := self._pose(name, msg.header)) is None:
             return
-        columns = {"bound": columns["force"], "peak_bound": columns["peak"]} | columns
-        table = np.stack([columns[name] for name in ("id", "x", "y", "z", *_PIECE)], 1)
-        pieces = [
-            Piece(int(row[0]), pose.rotation @ row[1:4] + pose.translation, *row[4:].tolist())
-            for row in table.astype(float)
-        ]
-        self.tracker.update(stamp, name, pieces)
+        self.tracker.update(stamp, name, _pieces(columns, pose) if columns else [])
         self._stamps[name] = stamp
         if self._wrenches.get(name, (None,))[0] == stamp:
             self._joined(name, msg.header)
@@ -235,6 +236,7 @@ class Body:
         return answered(response, causes)
 
     def _decide(self, t: float, always: bool = True) -> None:
+        self._decided = t
         decision = self.stop.decide(t)
         if always or decision != self._decisions.last:
             self._publish(decision, t)
@@ -256,3 +258,13 @@ class Body:
         decision = self.stop.decide(now(self.node))
         words = "fault: the body shuts down"
         self._publish(decision._replace(stop=True, reason=words, causes=()), 0.0, final=True)
+
+
+def _pieces(columns: dict[str, np.ndarray], pose: Pose) -> list[Piece]:
+    """Return the contacts of a skin's message in the body's frame."""
+    columns = {"bound": columns["force"], "peak_bound": columns["peak"]} | columns
+    table = np.stack([columns[name] for name in ("id", "x", "y", "z", *_PIECE)], 1)
+    return [
+        Piece(int(row[0]), pose.rotation @ row[1:4] + pose.translation, *row[4:].tolist())
+        for row in table.astype(float)
+    ]
