@@ -43,11 +43,17 @@ class Pressing:
         last = self._last
         while len(last) > 1 and last[1][0] <= t - _FALL:
             last.popleft()  # the last one before a gap stays
-        before = max((felt for _, felt in last), default=0.0)
-        just = [felt for at, felt in last if at >= t - _STANDS] or [f for _, f in last][-1:]
-        last.append((t, force))
         self._largest = max(self._largest, force)
-        fell = force <= _FALLS_TO * before and before - force >= _FALLS_BY * self._largest
-        ended = force <= _LEAVES * before or force >= _KEEPS * max(just, default=0.0)
-        self.force = force if fell and ended else max(self.force, force)
+        if force >= self.force or self._let_go(t, force):
+            self.force = force
+        last.append((t, force))
         self._largest = self._largest if self.force else 0.0
+
+    def _let_go(self, t: float, force: float) -> bool:
+        """Whether a force that is less than before has fallen fast, and the fall has ended."""
+        felt = [felt for _, felt in self._last]
+        before = max(felt, default=0.0)
+        if not (force <= _FALLS_TO * before and before - force >= _FALLS_BY * self._largest):
+            return False
+        just = [felt for at, felt in self._last if at >= t - _STANDS] or felt[-1:]
+        return force <= _LEAVES * before or force >= _KEEPS * max(just, default=0.0)

@@ -117,11 +117,14 @@ class GestureFeature:
                 f"must be 32FC1 {shape}, finite and 0 or more"
             )
         force = pressure * self.geometry.cell_area  # (rows, cols) [N], float64
-        bound = np.stack([force, UNPROVED * force], -1)
-        if most is not None and image_array(most).shape == bound.shape:
-            bound = image_array(most) * self.geometry.cell_area[..., None]
-        given = force, self.geometry, self.cell_threshold, bound
-        frame = features.analyse_frame(*given, held=self._touched)
+        given = image_array(most) if most is not None else None
+        if given is not None and given.shape == (*shape, 2):
+            bound = given * self.geometry.cell_area[..., None]
+        else:
+            bound = np.stack([force, UNPROVED * force], -1)
+        frame = features.analyse_frame(
+            force, self.geometry, self.cell_threshold, bound, held=self._touched
+        )
         self._touched = bool(frame.contacts)
         touches = self.tracker.update(seconds(header), frame)
         self._contacts.publish(contact_cloud(touches, header))  # first: the stop waits for it

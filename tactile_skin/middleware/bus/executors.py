@@ -4,10 +4,14 @@
 from __future__ import annotations
 
 import math
+import operator
 import threading
 import time
 
 from .node import Node
+
+
+_FIRST_DUE = operator.attrgetter("first_due")  # of a node [ns]
 
 
 class Turns:
@@ -39,7 +43,9 @@ class Turns:
         return True
 
     def _timer(self, now: int | None):
-        node = min(self._nodes, key=lambda each: each._first_due())
+        node = min(self._nodes, key=_FIRST_DUE)
+        if node.first_due == math.inf:
+            return None
         now = node.context.clock.now().nanoseconds if now is None else now
         if (job := node._take_timer(now)) is None:
             return None
@@ -127,7 +133,7 @@ class MultiThreadedExecutor:
 
 def _soonest(nodes: tuple[Node, ...]) -> float | None:
     """How long until a timer of the nodes is due [s]; None: there is none."""
-    due = min(node._first_due() for node in nodes)
+    due = min(map(_FIRST_DUE, nodes))
     if due == math.inf:
         return None
     return max(0.0, (due - nodes[0].context.clock.now().nanoseconds) / 1e9)

@@ -20,17 +20,23 @@ _REQUESTS = 10  # that may wait for a node: one that hangs must not collect them
 class Timer:
     def __init__(self, inbox: Inbox, period_ns: int, callback):
         self.callback, self._inbox, self._period = callback, inbox, period_ns
+        self._due = math.inf  # ns
+        with inbox._lock:
+            inbox._timers.append(self)
         self.reset()
 
     def reset(self) -> None:
         """Count the period from now on."""
         with self._inbox._lock:
-            self._due: float = self._inbox.context.clock.now().nanoseconds + self._period
-        self._inbox._wake.set()
+            self._due = self._inbox.context.clock.now().nanoseconds + self._period
+            sooner = self._inbox._plan()
+        if sooner:
+            self._inbox._wake.set()
 
     def cancel(self) -> None:
         with self._inbox._lock:
             self._due = math.inf
+            self._inbox._plan()
 
     def _step(self, now: int) -> None:
         """Set the next call; ticks that were missed are skipped, the beat is kept."""
@@ -76,6 +82,7 @@ class Inbox:
         self._wake = threading.Event()
         self._turns: deque[Queue] = deque()  # in the order of arrival, one entry for each call
         self._timers: list[Timer] = []
+        self.first_due = math.inf  # ns, when the next timer is due; infinite: there is none
         self._gone = self._in_callback = False
         self._errors: dict[int, tuple[int, float]] = {}
         self._asked = Queue(self, self._answer, _REQUESTS)
@@ -118,20 +125,22 @@ class Inbox:
                 future.set_exception(RuntimeError(_IS_GONE))
         for kept in (self._asked._waiting, self._timers, self._turns):
             kept.clear()
+        self._plan()
         self._gone = True
 
-    def _first_due(self) -> float:
-        """When the next timer is due [ns]; infinite: there is none."""
-        with self._lock:
-            return min(map(_DUE, self._timers), default=math.inf)
+    def _plan(self) -> bool:
+        """Note when the next timer is due, and return whether that is sooner than it was."""
+        before, self.first_due = self.first_due, min(map(_DUE, self._timers), default=math.inf)
+        return self.first_due < before
 
     def _take_timer(self, now: int):
         """Return the call of the timer due first, (callback, arguments), or None."""
         with self._lock:
-            timer = min(self._timers, key=_DUE, default=None)
-            if timer is None or timer._due > now:
+            if self.first_due > now:
                 return None
+            timer = min(self._timers, key=_DUE)
             timer._step(now)
+            self._plan()
             self._in_callback = True
             return timer.callback, ()
 

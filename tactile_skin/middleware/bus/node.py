@@ -132,11 +132,7 @@ class Node(Inbox):
     def create_timer(self, timer_period_sec: float, callback) -> Timer:
         if not timer_period_sec > 0:
             raise ValueError(f"timer_period_sec = {timer_period_sec!r}: must be above 0")
-        timer = Timer(self, round(timer_period_sec * 1e9), callback)
-        with self._lock:
-            self._timers.append(timer)
-        self._wake.set()
-        return timer
+        return Timer(self, round(timer_period_sec * 1e9), callback)
 
     def create_service(self, srv_type, srv_name: str, callback) -> Service:
         service = Service(self, srv_type, self.resolve_service_name(srv_name), callback)
@@ -223,7 +219,8 @@ class Node(Inbox):
         with self.context._lock, self._lock:
             heard = self._subscriptions
             self._stop_listening()
-            self._timers = []
+            self._timers.clear()
+            self._plan()
             for service in self._services:
                 self.context._services[service.srv_name] = service._replace(
                     callback=partial(call, service.srv_name)
