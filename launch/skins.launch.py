@@ -2,7 +2,7 @@
 """Start each skin of a body as a process, and again if it ends, in the namespace of its name.
 
 A file in Python, since YAML cannot say "for each skin that config names"; body.launch.yaml includes
-it, with separate:=true, and has the arguments.
+it, unless separate:=false, and has the arguments.
 """
 
 from launch.actions import OpaqueFunction
@@ -27,7 +27,7 @@ def skins(context) -> list[Node]:
             output="screen",
             parameters=[given],
             respawn=True,
-            respawn_delay=0.5,
+            respawn_delay=0.1,
         )
         for name in file.skins
         if name not in file.elsewhere

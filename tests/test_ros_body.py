@@ -75,7 +75,9 @@ def test_all_skins_of_a_body_in_one_process(graph, plain, ros2, tmp_path):
     with board() as chest, board() as back:
         boards = dict(zip(NAMES, (chest, back), strict=True))
         config = write(tmp_path, boards)
-        graph.launch("body", "tactile_skin", "body.launch.yaml", f"config:={config}")
+        graph.launch(
+            "body", "tactile_skin", "body.launch.yaml", f"config:={config}", "separate:=false"
+        )
         with chest.playing(endless("idle", 4)):
             with back.playing(endless("idle", 5)):
                 plain.until(status.free, "free", graph)

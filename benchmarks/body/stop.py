@@ -6,7 +6,7 @@ boards of 100 frames a second do that were simulated before: so both meet the sa
 simulation takes their processor. A push rises within a scan, in turn on each skin of the body. A
 time is that from the write of the first frame after the push began, whose low-pass may still hide
 it, to the hook's call with a push of this skin.
---shared: four skins, each of which calculates in a process of its own, and all in one.
+--shared: four skins, each of which runs in a process of its own, and all in one.
 --page: one skin, with its page open in Chromium on this computer, and without. --gestures: one
 skin, whose gestures are named, and are not.
 """
@@ -36,7 +36,7 @@ ONE: tuple[tuple[str, ...], dict] = (SKINS[:1], {})
 BODY = {"four": (SKINS, {}), "one": ONE}
 PAGE = {"page": (SKINS[:1], {"view": True, "view_port": 0}), "none": ONE}
 GESTURES = {"gestures": (SKINS[:1], {"gestures": True}), "none": ONE}
-OWN = {"own": (SKINS, {}), "shared": (SKINS, {"own_processes": False})}
+OWN = {"own": (SKINS, {}), "shared": (SKINS, {"separate": "false"})}
 # times of the second that the first may take, p50 and p99
 GOALS = {"four": 1.3, "own": 1.0, "page": 1.1, "gestures": 1.1}
 _START, _PERIOD, _LENGTH = 3.0, 0.6, 0.2  # s until the first push, between two, of one
@@ -141,7 +141,6 @@ def _skins(pipe, folder: str, names: tuple[str, ...], more: dict) -> None:
     from tactile_skin.launch import launch
     from tactile_skin.nodes.observers.view import View
 
-    own = {name: more.pop(name) for name in ("own_processes",) if name in more}
     skins = {
         name: {
             "port": f"{folder}/{name}",
@@ -151,9 +150,7 @@ def _skins(pipe, folder: str, names: tuple[str, ...], more: dict) -> None:
         for k, name in enumerate(names)
     }
     path = Path(folder) / "robot.yaml"
-    path.write_text(
-        json.dumps({"skins": skins, "body": {"ros__parameters": own}} if own else {"skins": skins})
-    )
+    path.write_text(json.dumps({"skins": skins}))
     arguments = {"config": str(path), "wait_for_port": _PATIENCE, "monitor": "false"} | more
     kind = "body.launch.yaml"
     if len(names) == 1:

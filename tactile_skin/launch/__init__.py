@@ -157,7 +157,7 @@ class Skin(Listening):
         for each in zip(self._plan.nodes, self._handles, self._nodes, strict=True):
             if each[0].executable in SKIN_NODES:
                 skins.setdefault(each[0].namespace, []).append(each)
-        asked = any(body.get_parameter("own_processes").value for body in bodies)
+        asked = any(body.get_parameter("separate").value for body in bodies)
         if not asked or len(skins) < 2 or (os.cpu_count() or 1) < 2:
             return
         for skin in skins.values():

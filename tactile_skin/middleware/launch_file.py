@@ -91,7 +91,7 @@ def read_plan(path, arguments: Mapping[str, object]) -> Plan:
         )
     if name == _DEMO:
         plan.commands.append(_board(given))
-    _is_true(path, "separate", given)  # of processes, on ROS
+    _is_true(path, "separate", given)  # of processes; of a skin on ROS alone
     asked = {node: _is_true(path, node, given) for node in _FILES[name] if node in given}
     program = () if name == _BODY else ("/" + f"{namespace}/{COMPOSED}".strip("/"),)
     said = {p.name: p.value for p in config.overrides(*program)}

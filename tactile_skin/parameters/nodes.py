@@ -148,10 +148,7 @@ class Body(Framed, PushLimits):
     """Several skins as one: pushes that touch two or more of them, started by body.launch.yaml."""
 
     skins: list[str] = parameter([""], "", SKINS)
-    separate: bool = parameter(False, "", "on ROS, a process for each skin")
-    own_processes: bool = parameter(
-        True, "", "without ROS, one for each skin where the computer has several cores"
-    )
+    separate: bool = parameter(True, "", "a process for each skin, if there are several cores")
 
 
 @dataclasses.dataclass(frozen=True)
