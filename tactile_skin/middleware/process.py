@@ -96,7 +96,7 @@ class End(NamedTuple):
 
 
 class Line:
-    """One end of what the two say to each other: whole words, which any thread may say."""
+    """One end of what the two say to each other; any thread may say a word."""
 
     def __init__(self, end: socket.socket, patience: float):
         """Take an end of a pair; `patience` is how long to wait for a word, or for room [s]."""
@@ -262,7 +262,7 @@ class SkinProcess:
     # --- what the nodes here do ---
 
     def _forward(self, topic: str, message: Any) -> None:
-        if threading.current_thread() is not self._thread and not self.why:  # else it comes thence
+        if threading.current_thread() is not self._thread and not self.why:  # not one of the process
             self._line.say(Published(topic, message))
 
     def _ask(self, kind: type, *what: Any) -> Any:

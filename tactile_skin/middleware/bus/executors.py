@@ -10,7 +10,6 @@ import time
 
 from .node import Node
 
-
 _FIRST_DUE = operator.attrgetter("first_due")  # of a node [ns]
 
 
