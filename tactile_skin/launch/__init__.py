@@ -218,6 +218,8 @@ class Skin(Listening):
             if isinstance(hook, StopHook):
                 hook.end()
         for skin in self._skins:
+            skin.ask_to_end()
+        for skin in self._skins:
             skin.end()
         pairs = zip(self._handles, self._nodes, strict=False)
         here = [pair for pair in pairs if pair[0] not in self._elsewhere]

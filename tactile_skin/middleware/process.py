@@ -172,10 +172,14 @@ class SkinProcess:
         """Wait until its nodes run, but not for long."""
         self._began.wait(_STARTS)
 
-    def end(self) -> None:
-        """Let the nodes publish their last words, and end the process for good."""
+    def ask_to_end(self) -> None:
+        """Let the nodes publish their last words; the process is not started again."""
         self._over.set()
         self._line.say(End())
+
+    def end(self) -> None:
+        """End the process, which had its time for last words."""
+        self.ask_to_end()
         self._thread.join(_ENDS)
         self._process.kill()
         self._process.wait()
