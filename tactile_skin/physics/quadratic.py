@@ -10,7 +10,6 @@ from . import compiled
 from .arrays import Bools, Floats, Floats32
 
 _BOX_ROUNDS = 8
-_FEW = 100  # unknowns up to which a compiled factor is faster than LAPACK's
 _RIDGES = 1e-3, 1e-2, 1e-1, 1.0
 
 
@@ -30,11 +29,10 @@ def solve_in_box(
     Returns:
         dx, whether there is one, which unknowns are inside.
     """
-    inside = base = np.ones(b.size, bool)  # base: what the factor is over
-    factor = factor_over(precision, base) if b.size > _FEW else None
-    if (found := compiled.solve_in_box(precision, factor, b, low, high)) is not None:
+    if (found := compiled.solve_in_box(precision, b, low, high)) is not None:
         return found
-    dx, kept = np.zeros(b.size), np.arange(b.size)
+    inside = base = np.ones(b.size, bool)  # base: what the factor is over
+    factor, dx, kept = None, np.zeros(b.size), np.arange(b.size)
     for rounds in range(_BOX_ROUNDS):
         (held,) = (~inside[kept]).nonzero()
         again = factor is None or (inside & ~base).any() or 4 * held.size > kept.size

@@ -284,7 +284,7 @@ def _gauss_newton(reading: Reading, point: Point) -> Step:
         dx = _conjugate_gradients(point, between, free, b)
         solved = bool(np.isfinite(dx).all())
         return Step(free, dx, 0.5 * b @ dx, solved=solved)
-    information = prior_terms.information(point.jacobian(free))
+    information = point.information(free)
     precision = prior_terms.precision(information, point.prior, between, free)
     dx, solved, inside = solve_in_box(precision, b, *point.ends(free))
     # The factor of a matrix with overflows is unusable, though LAPACK may return one.

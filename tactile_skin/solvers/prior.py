@@ -186,6 +186,12 @@ class Point:
         jacobian *= self.gx.ravel()[cells].astype(np.float32)
         return jacobian
 
+    def information(self, cells: np.ndarray) -> np.ndarray:
+        """(n, n) J^T J of `jacobian`, its upper triangle."""
+        model = self.model
+        found = model.network.information(model.weight, self.gx, cells)
+        return information(self.jacobian(cells)) if found is None else found
+
     def stepped(self, cells: np.ndarray, dx: np.ndarray) -> np.ndarray:
         """(rows, cols) g [S] after a step dx of the x of flat cells (n,), within their bounds.
 
@@ -330,5 +336,5 @@ def with_neighbours(
             std_x.flat[free[inside]] = np.sqrt(inverse(matrix, inside).diagonal())
             return g, std_x, adc
         point = Point(reading, g, False)
-        data = information(point.jacobian(free))
+        data = point.information(free)
     return None

@@ -53,7 +53,7 @@ class _Out:
 
 
 _reals, _singles, _ints = _Array(np.float64), _Array(np.float32), _Array(np.int32)
-_reals_or_none, _singles_or_none = (_Array(kind, True) for kind in (np.float64, np.float32))
+_reals_or_none = _Array(np.float64, True)
 _int, _real = ctypes.c_int, ctypes.c_double
 _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "connected_rho": (_int, _int, _reals, _Out),
@@ -62,7 +62,8 @@ _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "sensitivity": (_int, _int, _reals, _reals, _int, _ints, _int, _ints, _ints, _Out),
     "touches": (_int, _int, _reals, _reals, _real, *3 * [_Out]),
     "add_terms": (_int, _int, _int, _ints, _reals, _reals_or_none, _Out),
-    "solve_in_box": (_int, _singles, _singles_or_none, *3 * [_reals], *2 * [_Out]),
+    "information": (_int, _int, *4 * [_reals], _int, _ints, _Out),
+    "solve_in_box": (_int, _singles, *3 * [_reals], *2 * [_Out]),
     "fixed_point": (_int, _int, _Out, _int, _ints, *3 * [_reals], *3 * [_real], _int),
 }
 
@@ -193,15 +194,27 @@ def add_terms(
     return not library.add_terms(rows, cols, free.size, cells, diagonal, entries, total)
 
 
+def information(
+    k: Floats, weight: Floats, slope: Floats, scale: Floats, cells: npt.NDArray[np.integer]
+) -> Floats32 | None:
+    """As prior.information of Linearised.jacobian, of its `grouped` readings: upper triangle."""
+    if library is None or len(k) != sum(weight.shape):
+        return None
+    n = cells.size
+    out = np.zeros((n, n), np.float32)
+    given = *weight.shape, k, weight, slope, scale, n, cells.astype(np.int32)
+    return None if library.information(*given, out) else out
+
+
 def solve_in_box(
-    precision: Floats32, factor: Floats32 | None, b: Floats, low: Floats, high: Floats
+    precision: Floats32, b: Floats, low: Floats, high: Floats
 ) -> tuple[Floats, bool, Bools] | None:
-    """As quadratic.solve_in_box; factor: over all unknowns, where it is known."""
+    """As quadratic.solve_in_box."""
     n = b.size
-    if library is None or n > 4 * LINES or not len(precision) == n == low.size == high.size:
+    if library is None or not len(precision) == n == low.size == high.size:
         return None
     dx, inside = np.zeros(n), np.empty(n, np.int32)
-    failed = library.solve_in_box(n, precision, factor, b, low, high, dx, inside) < 0
+    failed = library.solve_in_box(n, precision, b, low, high, dx, inside) < 0
     return None if failed else (dx, True, inside.astype(bool))
 
 

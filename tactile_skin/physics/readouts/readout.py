@@ -91,6 +91,13 @@ class Readout(ABC):
             readings: (m,) flat, which a; one, other: (n,) the lines, rows first.
         """
 
+    def information(self, weight: Floats, scale: Floats, cells: Ints) -> Floats32 | None:
+        """Return (n, n) J^T J, upper triangle, of J = weight_a d adc_a / d g_b scale_b, flat cells b.
+
+        None: by `sensitivity`.
+        """
+        return None
+
     @abstractmethod
     def cells_for(self, cells: Ints, b: Floats) -> Floats:
         """Return (rows, cols) p, 0 but at the flat `cells`, where change(p) is b."""
