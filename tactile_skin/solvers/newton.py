@@ -22,16 +22,15 @@ from ..physics.quadratic import solve_in_box
 from ..physics.readouts import BOUND
 from .estimate import Estimate
 from .fixed_point import START_STEPS, closed_form, first_guess, iterate, last_guess
-from .reading import Reading
+from .reading import NEAR_REST, Reading
 from .suspect import estimate_from_force
 
 MAX_STEPS = 40  # 5 is usual; bounds the time of readings that no circuit explains
 # Share of the supply by which exact readings differ, and a closed form may miss the voltage of a
 # driven line: so little that no cell is off by 1e-3 g.
 EXACT = 1e-9
-_DONE = 1e-7  # relative step of g; a thousandth of a gram is 6e-7 at full load
-_DONE_NOISY = 1e-4  # the same of a noisy reading: the step itself leaves a twentieth of it
-_JOIN_SHARE = 0.3
+_DONE = 1e-7  # relative step of g that may be left; a thousandth of a gram is 6e-7 at full load
+_JOIN_SHARE = 0.3  # of the largest misfit, by which a cell at rest must ask for more to be an unknown
 # Times its noise by which a valid reading is missed: where a bound acts, this is the best fit in
 # another measure than ADC steps. 2 in 1,000 exceed 2, 1 in 10,000 exceeds 2.5.
 _SLACK = 2.2
@@ -42,6 +41,7 @@ RIDGE = 1e-5
 # Share of its right side that such a step of a noisy reading leaves: how many steps there are is
 # decided by which cells are at rest.
 _LEFT = 0.1
+_CURVED = 10.0  # times the square of a step, relative, that the next one may be
 _PAST = 0.1  # of its slope at the begin of a step, that phi may fall with at the end
 
 
@@ -89,16 +89,21 @@ def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:
     scale, offset = reading.apparent
     falls = np.square(rho_measured + offset) / (circuit.r_ref * scale)  # - d rho / d adc
     chance = _SLACK * noise / circuit.full_scale * falls
-    done = _DONE_NOISY if reading.noise else _DONE
+    moved = np.inf
     for iteration in range(MAX_STEPS):
         rho = reading.rho_of(network)
-        gradient = (rho - rho_measured) * circuit.populated
-        # A cell on its bound is held there if the gradient pushes outwards, or hardly inwards.
+        gradient = rho - rho_measured
+        # A cell on its bound is held there if the gradient pushes outwards.
         at_rest = g <= low * BOUND
-        off = np.where(at_rest, gradient, np.abs(gradient)) / rho
-        hardly = _JOIN_SHARE * off.max() * rho
-        held = np.where(at_rest, gradient <= np.maximum(chance, hardly), (g >= top) & (gradient >= 0.0))
-        (free,) = (~held & circuit.populated).ravel().nonzero()
+        held = np.where(at_rest, gradient <= chance, (g >= top) & (gradient >= 0.0))
+        held |= ~circuit.populated
+        gradient[held] = 0.0
+        off = np.abs(gradient) / rho
+        # Steps converge quadratically, but a cell at rest may be missing.
+        if _CURVED * moved**2 < _DONE and (off <= _DONE * g * rho)[at_rest].all():
+            return g, iteration, True
+        held |= at_rest & (off <= _JOIN_SHARE * off.max())
+        (free,) = (~held).ravel().nonzero()
         if not free.size:
             return g, iteration, True
         # rho log(rho / rho_measured) is the gradient to first order, and closer to linear far off
@@ -110,8 +115,6 @@ def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:
         new, network = _climb(reading, g, network, step, gradient)
         moved = np.abs(new.ravel()[free] / g.ravel()[free] - 1.0).max()
         g = new
-        if moved < done:
-            return g, iteration + 1, True
         if reading.late():
             break
     return g, iteration + 1, False
@@ -174,8 +177,9 @@ def _step(reading: Reading, network, g: np.ndarray, free: np.ndarray, b: np.ndar
     left, right = left.flat[free], right.flat[free]
     matrix *= right.astype(np.float32)
     if symmetric:
+        low = reading.bounds[0]
         ends = ((bound - g).flat[free] / right for bound in reading.bounds)
-        x, solved, _ = solve_in_box(matrix, left * b, *ends)
+        x, solved, _ = solve_in_box(matrix, left * b, *ends, (g > NEAR_REST * low).flat[free])
         if solved:
             return right * x
     factor, pivots, _ = lapack.sgetrf(matrix.T, overwrite_a=True)  # of the transposed

@@ -207,13 +207,13 @@ def information(
 
 
 def solve_in_box(
-    precision: Floats32, b: Floats, low: Floats, high: Floats
+    precision: Floats32, b: Floats, low: Floats, high: Floats, guess: Bools
 ) -> tuple[Floats, bool, Bools] | None:
     """As quadratic.solve_in_box."""
     n = b.size
     if library is None or not len(precision) == n == low.size == high.size:
         return None
-    dx, inside = np.zeros(n), np.empty(n, np.int32)
+    dx, inside = np.empty(n), guess.astype(np.int32)
     failed = library.solve_in_box(n, precision, b, low, high, dx, inside) < 0
     return None if failed else (dx, True, inside.astype(bool))
 

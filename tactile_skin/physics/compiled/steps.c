@@ -15,6 +15,7 @@ enum { TALL = 4, WIDE = 8 };
 #endif
 typedef float Lanes __attribute__((vector_size(WIDE / 2 * sizeof(float)), aligned(4), may_alias));
 
+#define ROUNDED 1e-4f /* as quadratic.py's */
 #define FAR 1e100 /* beyond it a product of squares is not multiplied by another */
 
 /* A sum of w log(s) / 2, with one logarithm for many s of one w. */
@@ -267,20 +268,23 @@ static int choose(int n, const float *precision, const double *b, const double *
                   const double *high, const double *dx, const int *inside, int *next, float *x, float *left)
 {
     int changed = 0, count = 0;
+    float least = 0.0f;
 
+    for (int k = 0; k < n; k++)
+        least = fmaxf(least, ROUNDED * fabsf((float)b[k]));
     pull(n, precision, b, dx, x, left);
     for (int k = 0; k < n; k++) {
         next[k] = inside[k] && dx[k] >= low[k] && dx[k] <= high[k];
         if (!inside[k] && low[k] < high[k])
-            next[k] = dx[k] == low[k] ? left[k] > 0.0f : left[k] < 0.0f;
+            next[k] = dx[k] == low[k] ? left[k] > least : left[k] < -least;
         changed += next[k] != inside[k];
         count += next[k];
     }
     return changed ? count : -1;
 }
 
-/* quadratic.solve_in_box: fills dx (zeros before), and which unknowns stayed inside. Returns the
- * number that the last factor is over; -1: there is none. */
+/* quadratic.solve_in_box: fills dx, and which unknowns stayed `inside`, which comes as a guess.
+ * Returns the number that the last factor is over; -1: there is none. */
 int solve_in_box(int n, const float *precision, const double *b, const double *low,
                  const double *high, double *dx, int *inside)
 {
@@ -289,13 +293,13 @@ int solve_in_box(int n, const float *precision, const double *b, const double *l
      * which; `products` are theirs with one another, times -1. */
     int *kept = calloc(6 * n + 1, sizeof *kept), *at = kept + n, *held = at + n;
     int *next = held + n, *then = next + n, *column = then + n, m = 0, used = 0;
-    int most = n / FEW_HELD + 2, wide = (most / WIDE + 2 | 1) * WIDE;
+    int most = n / FEW_HELD + 2, wide = ((most / WIDE + 2) | 1) * WIDE;
     float *factor = malloc(((size_t)n * (n + 2) + (size_t)wide * (n + 2 * wide + 2)) * sizeof *factor);
     float *x = factor + n * n, *left = x + n, *sides = left + n, *products = sides + n * wide;
     float *between = products + wide * wide, *right = between + wide * wide, *share = right + wide;
 
     for (int k = 0; k < n; k++)
-        inside[k] = 1;
+        dx[k] = inside[k] ? 0.0 : low[k];
     for (int round = 1; kept && factor; round++) {
         int h = 0, joins = m == 0, more = 0;
         for (int k = 0; k < n; k++) {
