@@ -30,7 +30,7 @@ MAX_STEPS = 40  # 5 is usual; bounds the time of readings that no circuit explai
 # driven line: so little that no cell is off by 1e-3 g.
 EXACT = 1e-9
 _DONE = 1e-7  # relative step of g that may be left; a thousandth of a gram is 6e-7 at full load
-_JOIN_SHARE = 0.3  # of the largest misfit, by which a cell at rest must ask for more to be an unknown
+_JOIN_SHARE = 0.5  # of the largest misfit, by which a cell at rest must ask for more to be an unknown
 # Times its noise by which a valid reading is missed: where a bound acts, this is the best fit in
 # another measure than ADC steps. 2 in 1,000 exceed 2, 1 in 10,000 exceeds 2.5.
 _SLACK = 2.2
@@ -55,6 +55,8 @@ def newton(reading: Reading, start: Estimate | None = None) -> Estimate:
     else:
         g = first_guess(reading) if start is None else last_guess(reading, start)
         g, steps = iterate(reading, g, START_STEPS, 1e-9)
+        low = reading.bounds[0]
+        g = np.where(g < NEAR_REST * low, low * reading.circuit.populated, g)
         g, iterations, done = maximise(reading, g)
     cells = reading.circuit.populated
     log_g = np.log(np.where(cells, g, reading.bounds[0]))
@@ -179,7 +181,7 @@ def _step(reading: Reading, network, g: np.ndarray, free: np.ndarray, b: np.ndar
     if symmetric:
         low = reading.bounds[0]
         ends = ((bound - g).flat[free] / right for bound in reading.bounds)
-        x, solved, _ = solve_in_box(matrix, left * b, *ends, (g > NEAR_REST * low).flat[free])
+        x, solved, _ = solve_in_box(matrix, left * b, *ends, (g > BOUND * low).flat[free])
         if solved:
             return right * x
     factor, pivots, _ = lapack.sgetrf(matrix.T, overwrite_a=True)  # of the transposed
