@@ -10,7 +10,7 @@ from . import compiled
 from .arrays import Bools, Floats, Floats32
 
 _BOX_ROUNDS = 8
-_ROUNDED = 1e-4  # of the largest pull, below which single precision leaves none
+_ROUNDED = 1e-6  # of the largest pull, below which single precision leaves none
 _RIDGES = 1e-3, 1e-2, 1e-1, 1.0
 
 

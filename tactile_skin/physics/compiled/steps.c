@@ -15,7 +15,7 @@ enum { TALL = 4, WIDE = 8 };
 #endif
 typedef float Lanes __attribute__((vector_size(WIDE / 2 * sizeof(float)), aligned(4), may_alias));
 
-#define ROUNDED 1e-4f /* as quadratic.py's */
+#define ROUNDED 1e-6f /* as quadratic.py's */
 #define FAR 1e100 /* beyond it a product of squares is not multiplied by another */
 
 /* A sum of w log(s) / 2, with one logarithm for many s of one w. */
