@@ -63,6 +63,7 @@ _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "touches": (_int, _int, _reals, _reals, _real, *3 * [_Out]),
     "add_terms": (_int, _int, _int, _ints, _reals, _reals_or_none, _Out),
     "information": (_int, _int, *4 * [_reals], _int, _ints, _Out),
+    "inverse": (_int, _singles, _int, _ints, _Out),
     "solve_in_box": (_int, _singles, *3 * [_reals], *2 * [_Out]),
     "fixed_point": (_int, _int, _Out, _int, _ints, *3 * [_reals], *3 * [_real], _int),
 }
@@ -204,6 +205,15 @@ def information(
     out = np.zeros((n, n), np.float32)
     given = *weight.shape, k, weight, slope, scale, n, cells.astype(np.int32)
     return None if library.information(*given, out) else out
+
+
+def inverse(precision: Floats32, kept: Ints) -> Floats32 | None:
+    """As quadratic.inverse, over `kept` unknowns."""
+    m = kept.size
+    out = np.zeros((m, m), np.float32)
+    if library is None or library.inverse(len(precision), precision, m, kept, out):
+        return None
+    return out
 
 
 def solve_in_box(

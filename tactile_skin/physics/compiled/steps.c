@@ -211,18 +211,19 @@ static int cholesky(int m, float *matrix)
     return 0;
 }
 
-/* X <- U^-T X of n columns, rows `stride` apart. */
-static void forward(int m, const float *restrict upper, int n, float *restrict x, int stride)
+/* X <- U^-T X of n columns; rows of U are `us` apart, of X `stride`. */
+static void forward(int m, const float *restrict upper, int us, int n, float *restrict x,
+                    int stride)
 {
     for (int first = 0; first < m; first += TALL) {
         int end = first + TALL < m ? first + TALL : m;
-        subtract_product(end - first, n, first, upper + first, m, x, stride, x + first * stride,
+        subtract_product(end - first, n, first, upper + first, us, x, stride, x + first * stride,
                          stride);
         for (int i = first; i < end; i++)
             for (int k = 0; k < n; k++) {
-                float here = x[i * stride + k] /= upper[i * m + i];
+                float here = x[i * stride + k] /= upper[i * us + i];
                 for (int j = i + 1; j < end; j++)
-                    x[j * stride + k] -= here * upper[i * m + j];
+                    x[j * stride + k] -= here * upper[i * us + j];
             }
     }
 }
@@ -245,6 +246,35 @@ static void backward(int m, const float *restrict upper, float *restrict x)
 {
     for (int i = m - 1; i >= 0; i--)
         x[i] = (x[i] - dot(upper + i * m + i + 1, x + i + 1, m - i - 1)) / upper[i * m + i];
+}
+
+/* quadratic.inverse over the m unknowns `kept`: out (m, m), its upper triangle. -1: there is none. */
+int inverse(int n, const float *precision, int m, const int *kept, float *out)
+{
+    int wide = ((m + WIDE - 1) / WIDE | 1) * WIDE, failed = 0;
+    float *factor = malloc(((size_t)m * m + 1) * sizeof *factor);
+    float *root = calloc((size_t)(m + wide) * wide, sizeof *root), *sum = root + m * wide; /* U^-T */
+
+    for (int i = 0; i < m; i++)
+        failed |= kept[i] < 0 || kept[i] >= n || (i && kept[i] <= kept[i - 1]);
+    failed |= !factor || !root;
+    for (int i = 0; i < m && !failed; i++)
+        for (int j = i; j < m; j++)
+            factor[i * m + j] = precision[kept[i] * n + kept[j]];
+    failed = failed || cholesky(m, factor) < 0;
+    for (int c = 0; c < m && !failed; c += WIDE) {
+        float *part = root + c * wide + c;
+        for (int k = 0; k < WIDE && c + k < m; k++)
+            part[k * wide + k] = 1.0f;
+        forward(m - c, factor + c * m + c, m, WIDE, part, wide);
+        subtract_product(c + WIDE, WIDE, m - c, part - c, wide, part, wide, sum + c, wide);
+    }
+    for (int i = 0; i < m && !failed; i++)
+        for (int j = i; j < m; j++)
+            out[i * m + j] = -sum[i * wide + j];
+    free(factor);
+    free(root);
+    return -failed;
 }
 
 /* left = b - precision dx, of an upper triangle; x: room for dx. */
@@ -341,7 +371,7 @@ int solve_in_box(int n, const float *precision, const double *b, const double *l
             }
         if (fresh < used) {
             int columns = (used - fresh + WIDE - 1) / WIDE * WIDE; /* those past `used` are zeros */
-            forward(m, factor, columns, sides + fresh, wide);
+            forward(m, factor, m, columns, sides + fresh, wide);
             subtract_product((used + TALL - 1) / TALL * TALL, columns, m, sides, wide,
                              sides + fresh, wide, products + fresh, wide);
         }
@@ -357,7 +387,7 @@ int solve_in_box(int n, const float *precision, const double *b, const double *l
             m = -1;
             break;
         }
-        forward(h, between, 1, share, 1);
+        forward(h, between, h, 1, share, 1);
         backward(h, between, share);
         memset(right, 0, wide * sizeof *right);
         right[0] = 1.0f;
