@@ -15,7 +15,7 @@ _RIDGES = 1e-3, 1e-2, 1e-1, 1.0
 
 
 def solve_in_box(
-    precision: Floats32, b: Floats, low: Floats, high: Floats, guess: Bools | None = None
+    precision: Floats32, b: Floats, low: Floats, high: Floats
 ) -> tuple[Floats, bool, Bools]:
     """Minimise 1/2 dx precision dx - b dx within [low, high], by a primal-dual active set method.
 
@@ -26,18 +26,14 @@ def solve_in_box(
 
     Args:
         precision: (n, n), upper triangle.
-        guess: (n,) which unknowns are likely inside, the others are first put on their low ends;
-            None: all.
 
     Returns:
         dx, whether there is one, which unknowns are inside.
     """
-    if guess is None or not guess.any():
-        guess = np.ones(b.size, bool)
-    if (found := compiled.solve_in_box(precision, b, low, high, guess)) is not None:
+    if (found := compiled.solve_in_box(precision, b, low, high)) is not None:
         return found
-    inside = base = guess  # base: what the factor is over
-    factor, dx, kept = None, np.where(guess, 0.0, low), np.arange(b.size)
+    inside = base = np.ones(b.size, bool)  # base: what the factor is over
+    factor, dx, kept = None, np.zeros(b.size), np.arange(b.size)
     for rounds in range(_BOX_ROUNDS):
         (held,) = (~inside[kept]).nonzero()
         again = factor is None or (inside & ~base).any() or 4 * held.size > kept.size

@@ -181,7 +181,7 @@ def _step(reading: Reading, network, g: np.ndarray, free: np.ndarray, b: np.ndar
     if symmetric:
         low = reading.bounds[0]
         ends = ((bound - g).flat[free] / right for bound in reading.bounds)
-        x, solved, _ = solve_in_box(matrix, left * b, *ends, (g > BOUND * low).flat[free])
+        x, solved, _ = solve_in_box(matrix, left * b, *ends)
         if solved:
             return right * x
     factor, pivots, _ = lapack.sgetrf(matrix.T, overwrite_a=True)  # of the transposed

@@ -56,7 +56,6 @@ _reals, _singles, _ints = _Array(np.float64), _Array(np.float32), _Array(np.int3
 _reals_or_none = _Array(np.float64, True)
 _int, _real = ctypes.c_int, ctypes.c_double
 _ARGUMENTS: dict[str, tuple[Any, ...]] = {
-    "connected_rho": (_int, _int, _reals, _Out),
     "solve": (_int, _int, _reals, *3 * [_Out]),
     "hessian_product": (_int, _int, _reals, _reals, _Out),
     "sensitivity": (_int, _int, _reals, _reals, _int, _ints, _int, _ints, _ints, _Out),
@@ -131,14 +130,6 @@ library = _load(SOURCES)
 def implementation() -> str:
     """Return what runs for small skins: "compiled" or "in NumPy"."""
     return "compiled" if library else "in NumPy"
-
-
-def connected_rho(g: Floats) -> Floats | None:
-    """As laplacian.connected_rho."""
-    if library is None or sum(g.shape) > LINES:
-        return None
-    rho = np.empty(g.shape)
-    return None if library.connected_rho(*g.shape, g, rho) else rho
 
 
 def solve(g: Floats) -> tuple[float, Floats, Floats] | None:
@@ -217,13 +208,13 @@ def inverse(precision: Floats32, kept: Ints) -> Floats32 | None:
 
 
 def solve_in_box(
-    precision: Floats32, b: Floats, low: Floats, high: Floats, guess: Bools
+    precision: Floats32, b: Floats, low: Floats, high: Floats
 ) -> tuple[Floats, bool, Bools] | None:
     """As quadratic.solve_in_box."""
     n = b.size
     if library is None or not len(precision) == n == low.size == high.size:
         return None
-    dx, inside = np.empty(n), guess.astype(np.int32)
+    dx, inside = np.zeros(n), np.ones(n, np.int32)
     failed = library.solve_in_box(n, precision, b, low, high, dx, inside) < 0
     return None if failed else (dx, True, inside.astype(bool))
 

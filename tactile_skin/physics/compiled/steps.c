@@ -313,7 +313,7 @@ static int choose(int n, const float *precision, const double *b, const double *
     return changed ? count : -1;
 }
 
-/* quadratic.solve_in_box: fills dx, and which unknowns stayed `inside`, which comes as a guess.
+/* quadratic.solve_in_box: fills dx (zeros before), and which unknowns stayed inside (ones before).
  * Returns the number that the last factor is over; -1: there is none. */
 int solve_in_box(int n, const float *precision, const double *b, const double *low,
                  const double *high, double *dx, int *inside)
@@ -328,8 +328,6 @@ int solve_in_box(int n, const float *precision, const double *b, const double *l
     float *x = factor + n * n, *left = x + n, *sides = left + n, *products = sides + n * wide;
     float *between = products + wide * wide, *right = between + wide * wide, *share = right + wide;
 
-    for (int k = 0; k < n; k++)
-        dx[k] = inside[k] ? 0.0 : low[k];
     for (int round = 1; kept && factor; round++) {
         int h = 0, joins = m == 0, more = 0;
         for (int k = 0; k < n; k++) {

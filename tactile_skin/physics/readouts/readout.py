@@ -92,10 +92,7 @@ class Readout(ABC):
         """
 
     def information(self, weight: Floats, scale: Floats, cells: Ints) -> Floats32 | None:
-        """Return (n, n) J^T J, upper triangle, of J = weight_a d adc_a / d g_b scale_b, flat cells b.
-
-        None: by `sensitivity`.
-        """
+        """Return `Linearised.information`; None: it is left to `sensitivity`."""
         return None
 
     @abstractmethod
