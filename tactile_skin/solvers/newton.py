@@ -30,7 +30,9 @@ MAX_STEPS = 40  # 5 is usual; bounds the time of readings that no circuit explai
 # driven line: so little that no cell is off by 1e-3 g.
 EXACT = 1e-9
 _DONE = 1e-7  # relative step of g that may be left; a thousandth of a gram is 6e-7 at full load
-_JOIN_SHARE = 0.5  # of the largest misfit, by which a cell at rest must ask for more to be an unknown
+# Share of the largest misfit from which on a cell at rest is an unknown: what is less is most often
+# the error of others.
+_JOIN_SHARE = 0.5
 # Times its noise by which a valid reading is missed: where a bound acts, this is the best fit in
 # another measure than ADC steps. 2 in 1,000 exceed 2, 1 in 10,000 exceeds 2.5.
 _SLACK = 2.2
@@ -75,8 +77,8 @@ def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:
     """Climb phi from g (rows, cols) [S] to its maximum between the bounds.
 
     Unknowns are the touched cells: those above rest, or whose own reading asks for more. Steps are
-    taken in g itself, in which rho is close enough to linear that two or three suffice; a factor
-    in single precision serves as long as it contracts, since the misfit is evaluated in double.
+    taken in g itself, in which rho is close enough to linear that two or three suffice; single
+    precision serves, since the misfit is evaluated in double.
 
     Returns:
         g, the number of steps, whether it converged.
@@ -179,7 +181,6 @@ def _step(reading: Reading, network, g: np.ndarray, free: np.ndarray, b: np.ndar
     left, right = left.flat[free], right.flat[free]
     matrix *= right.astype(np.float32)
     if symmetric:
-        low = reading.bounds[0]
         ends = ((bound - g).flat[free] / right for bound in reading.bounds)
         x, solved, _ = solve_in_box(matrix, left * b, *ends)
         if solved:

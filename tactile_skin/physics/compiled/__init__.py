@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The inner loops of small skins, compiled (the C files here) where setup.py found a compiler.
 
-The modules that have the same in NumPy ask here first: laplacian.py, quadratic.py, kernel.py and
-solvers/prior.py. Each function returns None where NumPy has
-to do it: nothing is compiled, the skin is large, or the numbers are singular to rounding.
+The modules that have the same in NumPy ask here first: laplacian.py, quadratic.py, kernel.py,
+readouts/floating.py and solvers/prior.py. Each function returns None where NumPy has to do it:
+nothing is compiled, the skin is large, or the numbers are singular to rounding.
 Together they make frames at least 1.15 times faster (`python -m benchmarks.kernel`).
 """
 
@@ -23,6 +23,7 @@ from ..arrays import Bools, Floats, Floats32, Ints
 
 LINES = 64  # rows + cols up to which the loops are faster than NumPy's BLAS
 _SHORT = 10  # steps of the fixed point, which take 1 ms on the largest skin
+_FEW = 250  # unknowns, of which a step takes as long
 SOURCES = sorted(Path(__file__).parent.glob("*.c"))
 _View = ctypes.c_char * 0  # of an array's memory, which it keeps
 
@@ -75,12 +76,11 @@ class Library:
         # A short call keeps Python's lock: who gives it away waits for each other thread, while
         # that one computes or for the interpreter's switch interval.
         for name, arguments in _ARGUMENTS.items():
-            function = ctypes.PyDLL(path)[name]
-            function.argtypes = arguments
-            setattr(self, name, function)
+            for prefix, load in (("", ctypes.PyDLL), ("long_", ctypes.CDLL)):
+                function = load(path)[name]
+                function.argtypes = arguments
+                setattr(self, prefix + name, function)
         self.touches.restype = _real
-        self.long_fixed_point = ctypes.CDLL(path)["fixed_point"]
-        self.long_fixed_point.argtypes = _ARGUMENTS["fixed_point"]
 
     if TYPE_CHECKING:
 
@@ -189,22 +189,21 @@ def add_terms(
 def information(
     k: Floats, weight: Floats, slope: Floats, scale: Floats, cells: npt.NDArray[np.integer]
 ) -> Floats32 | None:
-    """As prior.information of Linearised.jacobian, of its `grouped` readings: upper triangle."""
+    """As Linearised.information, of a floating readout: slope is - d adc / d rho [1/ohm]."""
     if library is None or len(k) != sum(weight.shape):
         return None
     n = cells.size
     out = np.zeros((n, n), np.float32)
-    given = *weight.shape, k, weight, slope, scale, n, cells.astype(np.int32)
-    return None if library.information(*given, out) else out
+    given = *weight.shape, k, weight, slope, scale, n, cells.astype(np.int32), out
+    fill = library.information if n <= _FEW else library.long_information
+    return None if fill(*given) else out
 
 
 def inverse(precision: Floats32, kept: Ints) -> Floats32 | None:
     """As quadratic.inverse, over `kept` unknowns."""
-    m = kept.size
-    out = np.zeros((m, m), np.float32)
-    if library is None or library.inverse(len(precision), precision, m, kept, out):
-        return None
-    return out
+    out = np.zeros((kept.size, kept.size), np.float32)
+    given = len(precision), precision, kept.size, kept, out
+    return None if library is None or library.inverse(*given) else out
 
 
 def solve_in_box(
@@ -215,7 +214,8 @@ def solve_in_box(
     if library is None or not len(precision) == n == low.size == high.size:
         return None
     dx, inside = np.zeros(n), np.ones(n, np.int32)
-    failed = library.solve_in_box(n, precision, b, low, high, dx, inside) < 0
+    solve = library.solve_in_box if n <= _FEW else library.long_solve_in_box
+    failed = solve(n, precision, b, low, high, dx, inside) < 0
     return None if failed else (dx, True, inside.astype(bool))
 
 
