@@ -261,7 +261,8 @@ class Linearised(NamedTuple):
         if (found := self.network.information(self.weight, scale, cells)) is not None:
             return found
         model, readings = self.grouped(cells)
-        jacobian = model.jacobian(readings, cells) * scale.flat[cells].astype(np.float32)
+        jacobian = model.jacobian(readings, cells)
+        jacobian *= scale.flat[cells].astype(np.float32)
         return jacobian.T @ jacobian
 
     def grouped(self, cells: np.ndarray) -> tuple[Linearised, np.ndarray]:
