@@ -21,9 +21,8 @@ import numpy.typing as npt
 
 from ..arrays import Bools, Floats, Floats32, Ints
 
-LINES = 64  # rows + cols up to which the loops are faster than NumPy's BLAS
+LINES = 64  # rows + cols up to which the loops are faster than NumPy's BLAS, and short
 _SHORT = 10  # steps of the fixed point, which take 1 ms on the largest skin
-_FEW = 250  # unknowns, of which a step takes as long
 SOURCES = sorted(Path(__file__).parent.glob("*.c"))
 _View = ctypes.c_char * 0  # of an array's memory, which it keeps
 
@@ -195,7 +194,7 @@ def information(
     n = cells.size
     out = np.zeros((n, n), np.float32)
     given = *weight.shape, k, weight, slope, scale, n, cells.astype(np.int32), out
-    fill = library.information if n <= _FEW else library.long_information
+    fill = library.information if n <= 4 * LINES else library.long_information
     return None if fill(*given) else out
 
 
@@ -214,7 +213,7 @@ def solve_in_box(
     if library is None or not len(precision) == n == low.size == high.size:
         return None
     dx, inside = np.zeros(n), np.ones(n, np.int32)
-    solve = library.solve_in_box if n <= _FEW else library.long_solve_in_box
+    solve = library.solve_in_box if n <= 4 * LINES else library.long_solve_in_box
     failed = solve(n, precision, b, low, high, dx, inside) < 0
     return None if failed else (dx, True, inside.astype(bool))
 
