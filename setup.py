@@ -34,9 +34,11 @@ if {"install", "develop"} & set(sys.argv):
 sources = sorted(glob(f"{package_name}/physics/compiled/*.c"))
 # by which the package tells that what was compiled is not of the sources beside it
 checksum = zlib.crc32(b"".join(Path(source).read_bytes() for source in sources))
-loops = {"_loops": ["-O3"]}
+# no index wraps around; Python's own flags say that they may, which keeps loops from vectors
+flags = ["-O3", "-fno-wrapv"]
+loops = {"_loops": flags}
 if platform.machine() in ("x86_64", "AMD64"):  # used where the processor has them
-    loops["_loops_avx2"] = ["-O3", "-mavx2", "-mfma"]
+    loops["_loops_avx2"] = [*flags, "-mavx2", "-mfma"]
 
 setup(
     name=package_name,

@@ -10,7 +10,7 @@ from . import compiled
 from .arrays import Bools, Floats, Floats32
 
 _BOX_ROUNDS = 8
-_FEW = 100  # unknowns up to which a compiled factor is faster than LAPACK's
+_ROUNDED = 1e-6  # of the largest pull, below which single precision leaves none
 _RIDGES = 1e-3, 1e-2, 1e-1, 1.0
 
 
@@ -30,11 +30,10 @@ def solve_in_box(
     Returns:
         dx, whether there is one, which unknowns are inside.
     """
-    inside = base = np.ones(b.size, bool)  # base: what the factor is over
-    factor = factor_over(precision, base) if b.size > _FEW else None
-    if (found := compiled.solve_in_box(precision, factor, b, low, high)) is not None:
+    if (found := compiled.solve_in_box(precision, b, low, high)) is not None:
         return found
-    dx, kept = np.zeros(b.size), np.arange(b.size)
+    inside = base = np.ones(b.size, bool)  # base: what the factor is over
+    factor, dx, kept = None, np.zeros(b.size), np.arange(b.size)
     for rounds in range(_BOX_ROUNDS):
         (held,) = (~inside[kept]).nonzero()
         again = factor is None or (inside & ~base).any() or 4 * held.size > kept.size
@@ -86,12 +85,15 @@ def _inside_next(
     left = inside & (dx >= low) & (dx <= high)
     if not inside.all():
         pull = b - blas.ssymv(1.0, precision.T, dx, lower=1)
-        left |= ~inside & (low < high) & np.where(dx == low, pull > 0.0, pull < 0.0)
+        inwards = np.where(dx == low, pull, -pull)
+        left |= ~inside & (low < high) & (inwards > _ROUNDED * np.abs(b).max())
     return left
 
 
 def inverse(precision: Floats32, inside: Bools) -> Floats32:
     """Return the inverse of a precision over some of its unknowns, upper triangle of both."""
+    if (found := compiled.inverse(precision, inside.nonzero()[0].astype(np.int32))) is not None:
+        return found
     if (factor := factor_over(precision, inside)) is None:
         return np.diag(1.0 / precision.diagonal()[inside])
     lower: Floats32 = lapack.spotri(factor.T, lower=1)[0]

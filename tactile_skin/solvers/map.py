@@ -185,8 +185,7 @@ def _is_lighter(reading: Reading, estimate: Estimate, finding: Finding) -> bool:
     for _ in range(_LIGHTER_STEPS):
         here = g.ravel()[free]
         model = reading.linearised(g, reading.fitted_noise)
-        slope, readings = model.grouped(free)
-        data = prior_terms.information(slope.jacobian(readings, free) * here.astype(np.float32))
+        data = model.information(free, g)
         data.reshape(-1)[:: free.size + 1] += 1.0  # a cell that its reading hardly tells stays
         pull = (g * model.network.pull(model.weight * model.misfit)).ravel()[free]
         least, most = _LIGHTEST * low / here - 1.0, high / here - 1.0
@@ -284,7 +283,7 @@ def _gauss_newton(reading: Reading, point: Point) -> Step:
         dx = _conjugate_gradients(point, between, free, b)
         solved = bool(np.isfinite(dx).all())
         return Step(free, dx, 0.5 * b @ dx, solved=solved)
-    information = prior_terms.information(point.jacobian(free))
+    information = point.model.information(free, point.gx)
     precision = prior_terms.precision(information, point.prior, between, free)
     dx, solved, inside = solve_in_box(precision, b, *point.ends(free))
     # The factor of a matrix with overflows is unusable, though LAPACK may return one.

@@ -18,19 +18,21 @@ from scipy.linalg import lapack
 
 from ..physics import laplacian, readouts
 from ..physics.laplacian import INEXACT
+from ..physics.quadratic import solve_in_box
 from ..physics.readouts import BOUND
 from .estimate import Estimate
 from .fixed_point import START_STEPS, closed_form, first_guess, iterate, last_guess
-from .reading import Reading
+from .reading import NEAR_REST, Reading
 from .suspect import estimate_from_force
 
 MAX_STEPS = 40  # 5 is usual; bounds the time of readings that no circuit explains
 # Share of the supply by which exact readings differ, and a closed form may miss the voltage of a
 # driven line: so little that no cell is off by 1e-3 g.
 EXACT = 1e-9
-_DONE = 1e-7  # relative step of g; a thousandth of a gram is 6e-7 at full load
-_DONE_NOISY = 1e-4  # the same of a noisy reading: the step itself leaves a twentieth of it
-_ROUNDS = 2  # in which the unknowns of a step are found
+_DONE = 1e-7  # relative step of g that may be left; a thousandth of a gram is 6e-7 at full load
+# Share of the largest misfit from which on a cell at rest is an unknown: what is less is most often
+# the error of others.
+_JOIN_SHARE = 0.5
 # Times its noise by which a valid reading is missed: where a bound acts, this is the best fit in
 # another measure than ADC steps. 2 in 1,000 exceed 2, 1 in 10,000 exceeds 2.5.
 _SLACK = 2.2
@@ -41,6 +43,7 @@ RIDGE = 1e-5
 # Share of its right side that such a step of a noisy reading leaves: how many steps there are is
 # decided by which cells are at rest.
 _LEFT = 0.1
+_CURVED = 10.0  # times the square of a step, relative, that the next one may be
 _PAST = 0.1  # of its slope at the begin of a step, that phi may fall with at the end
 
 
@@ -54,6 +57,8 @@ def newton(reading: Reading, start: Estimate | None = None) -> Estimate:
     else:
         g = first_guess(reading) if start is None else last_guess(reading, start)
         g, steps = iterate(reading, g, START_STEPS, 1e-9)
+        low = reading.bounds[0]
+        g = np.where(g < NEAR_REST * low, low * reading.circuit.populated, g)
         g, iterations, done = maximise(reading, g)
     cells = reading.circuit.populated
     log_g = np.log(np.where(cells, g, reading.bounds[0]))
@@ -72,8 +77,8 @@ def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:
     """Climb phi from g (rows, cols) [S] to its maximum between the bounds.
 
     Unknowns are the touched cells: those above rest, or whose own reading asks for more. Steps are
-    taken in g itself, in which rho is close enough to linear that two or three suffice; a factor
-    in single precision serves as long as it contracts, since the misfit is evaluated in double.
+    taken in g itself, in which rho is close enough to linear that two or three suffice; single
+    precision serves, since the misfit is evaluated in double.
 
     Returns:
         g, the number of steps, whether it converged.
@@ -88,42 +93,32 @@ def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:
     scale, offset = reading.apparent
     falls = np.square(rho_measured + offset) / (circuit.r_ref * scale)  # - d rho / d adc
     chance = _SLACK * noise / circuit.full_scale * falls
-    free, solve, last = np.zeros(0, int), None, np.inf
-    done = _DONE_NOISY if reading.noise else _DONE
+    moved = np.inf
     for iteration in range(MAX_STEPS):
         rho = reading.rho_of(network)
-        gradient = (rho - rho_measured) * circuit.populated
+        gradient = rho - rho_measured
         # A cell on its bound is held there if the gradient pushes outwards.
         at_rest = g <= low * BOUND
         held = np.where(at_rest, gradient <= chance, (g >= top) & (gradient >= 0.0))
-        (now,) = (~held & circuit.populated).ravel().nonzero()
-        if not now.size:
+        held |= ~circuit.populated
+        gradient[held] = 0.0
+        off = np.abs(gradient) / rho
+        # Steps converge quadratically, but a cell at rest may be missing.
+        if _CURVED * moved**2 < _DONE and (off <= _DONE * g * rho)[at_rest].all():
             return g, iteration, True
-        here = rho.ravel()[now]
-        misfit = np.abs(gradient.ravel()[now] / here).max()
+        held |= at_rest & (off <= _JOIN_SHARE * off.max())
+        (free,) = (~held).ravel().nonzero()
+        if not free.size:
+            return g, iteration, True
         # rho log(rho / rho_measured) is the gradient to first order, and closer to linear far off
         pull = rho * np.log(rho / rho_measured)
-        for _ in range(_ROUNDS):
-            if solve is None or misfit > 0.05 * last or not np.array_equal(free, now):
-                free = now
-                solve = _step_solver(reading, network, g, free)
-            change = solve(pull.ravel()[free])
-            # the others draw some cells at rest below it
-            stays = at_rest.ravel()[free] & (change < 0.0)
-            if not stays.any() or stays.all():
-                break
-            now = free[~stays]
-        last = misfit
+        change = _step(reading, network, g, free, pull.ravel()[free])
         step = np.zeros(g.shape)
         step.reshape(-1)[free] = change
-        held[...] = True
-        held.reshape(-1)[free] = False
         gradient[held] = 0.0
         new, network = _climb(reading, g, network, step, gradient)
         moved = np.abs(new.ravel()[free] / g.ravel()[free] - 1.0).max()
         g = new
-        if moved < done:
-            return g, iteration + 1, True
         if reading.late():
             break
     return g, iteration + 1, False
@@ -167,16 +162,17 @@ def _height(reading: Reading, g: np.ndarray, network, gradient) -> float:
     return -network.inverse.log_det - np.log(g.sum()) - (populated_rho * g).sum()
 
 
-def _step_solver(reading: Reading, network, g: np.ndarray, free: np.ndarray):
-    """Return a function that solves (- d rho_a / d g_b) x = b over the free cells.
+def _step(reading: Reading, network, g: np.ndarray, free: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return x (n,) with (- d rho_a / d g_b) x = b over the free cells, to single precision.
 
-    It does so to single precision. Of two-terminal readings that is (t_ab^2), which scaled by
-    sqrt(g) on both sides has a diagonal (g rho)^2 <= 1. That of others is scaled by rho and by g.
+    Of two-terminal readings that is (t_ab^2), which scaled by sqrt(g) on both sides has a diagonal
+    (g rho)^2 <= 1, and the x between the cells' bounds that is nearest in its measure. That of
+    others is scaled by rho and by g.
     """
     symmetric = reading.circuit.readout_class.two_terminal
     if symmetric and free.size > _DENSE:
         share = _LEFT if reading.noise else INEXACT
-        return laplacian.hessian_solver(network.inverse, g, free, share)
+        return laplacian.hessian_solver(network.inverse, g, free, share)(b)
     rho = reading.rho_of(network)
     left, right = (np.sqrt(g), np.sqrt(g)) if symmetric else (1.0 / rho, g)
     falls = (rho + reading.apparent[1]) / network.adc  # - d rho / d adc
@@ -185,9 +181,9 @@ def _step_solver(reading: Reading, network, g: np.ndarray, free: np.ndarray):
     left, right = left.flat[free], right.flat[free]
     matrix *= right.astype(np.float32)
     if symmetric:
-        factor, info = lapack.spotrf(matrix.T, lower=0, clean=0)
-        if not info:
-            return lambda b: right * lapack.spotrs(factor, left * b)[0]
-        matrix.flat[:: free.size + 1] *= 1.0 + RIDGE
+        ends = ((bound - g).flat[free] / right for bound in reading.bounds)
+        x, solved, _ = solve_in_box(matrix, left * b, *ends)
+        if solved:
+            return right * x
     factor, pivots, _ = lapack.sgetrf(matrix.T, overwrite_a=True)  # of the transposed
-    return lambda b: right * lapack.sgetrs(factor, pivots, left * b, trans=1)[0]
+    return right * lapack.sgetrs(factor, pivots, left * b, trans=1)[0]

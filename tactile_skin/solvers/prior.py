@@ -179,13 +179,6 @@ class Point:
         model = self.model
         return self.gx * model.network.pull(model.weight * model.misfit)
 
-    def jacobian(self, cells: np.ndarray) -> np.ndarray:
-        """(m, n) float32 d reading / d x of flat cells (n,), of the few readings that say all."""
-        model, readings = self.model.grouped(cells)
-        jacobian = model.jacobian(readings, cells)
-        jacobian *= self.gx.ravel()[cells].astype(np.float32)
-        return jacobian
-
     def stepped(self, cells: np.ndarray, dx: np.ndarray) -> np.ndarray:
         """(rows, cols) g [S] after a step dx of the x of flat cells (n,), within their bounds.
 
@@ -258,11 +251,6 @@ class NormalEquations:
         return float(2.0 * both.sum() - both.trace())
 
 
-def information(jacobian: np.ndarray) -> np.ndarray:
-    """(n, n) J^T J of J (m, n)."""
-    return jacobian.T @ jacobian
-
-
 def precision(information, prior: Quadratic, between: Differences, free: np.ndarray):
     """(n, n) of the cost over the n free cells, upper triangle: J^T J and the prior's."""
     total, entries = information.copy(), prior.entries
@@ -330,5 +318,5 @@ def with_neighbours(
             std_x.flat[free[inside]] = np.sqrt(inverse(matrix, inside).diagonal())
             return g, std_x, adc
         point = Point(reading, g, False)
-        data = information(point.jacobian(free))
+        data = point.model.information(free, point.gx)
     return None

@@ -256,6 +256,15 @@ class Linearised(NamedTuple):
         col += np.int32(rows)
         return self.network.sensitivity(self.weight, readings, row, col)
 
+    def information(self, cells: np.ndarray, scale: np.ndarray) -> np.ndarray:
+        """(n, n) J^T J, upper triangle, of J = d model / d g times scale (rows, cols)."""
+        if (found := self.network.information(self.weight, scale, cells)) is not None:
+            return found
+        model, readings = self.grouped(cells)
+        jacobian = model.jacobian(readings, cells)
+        jacobian *= scale.flat[cells].astype(np.float32)
+        return jacobian.T @ jacobian
+
     def grouped(self, cells: np.ndarray) -> tuple[Linearised, np.ndarray]:
         """Return a model whose few readings say of the cells what all readings say.
 

@@ -17,8 +17,10 @@ import numpy as np
 import pytest
 from support.implementations import COMPILED
 
-from tactile_skin.physics import compiled, kernel, laplacian, quadratic
+from tactile_skin.physics import compiled, kernel, laplacian, quadratic, readouts
+from tactile_skin.physics.circuit import Circuit
 from tactile_skin.solvers import prior
+from tactile_skin.solvers.reading import Linearised
 
 pytestmark = pytest.mark.skipif(COMPILED is None, reason="no compiler was found at installation")
 SIZES = [(1, 1), (1, 5), (5, 1), (3, 2), (16, 16), (8, 24), (24, 8), (32, 32), (63, 1)]
@@ -196,7 +198,7 @@ def test_the_prior_is_numpys(rng, monkeypatch, shape):
     for terms in (plain, plain._replace(entries=None)):
         one, other = both(
             monkeypatch,
-            lambda terms=terms: prior.precision(prior.information(jacobian), terms, between, free),
+            lambda terms=terms: prior.precision(jacobian.T @ jacobian, terms, between, free),
         )
         np.testing.assert_allclose(np.triu(one), np.triu(other), rtol=1e-6, atol=1e-4)
 
@@ -213,6 +215,23 @@ def test_the_programme_within_bounds_is_lapacks(rng, monkeypatch, wide):
         )
         np.testing.assert_allclose(found[0], plain[0], rtol=1e-3, atol=1e-4)
         np.testing.assert_array_equal(found[2], plain[2])
+        inverses = both(monkeypatch, lambda a=precision, on=found[2]: quadratic.inverse(a, on))
+        np.testing.assert_allclose(*map(np.triu, inverses), rtol=1e-3, atol=1e-6)
+
+
+@pytest.mark.parametrize("shape", SIZES, ids=str)
+@pytest.mark.parametrize("share", [0.1, 0.9])
+def test_the_normal_equations_are_numpys(rng, monkeypatch, shape, share):
+    circuit = Circuit(*shape)
+    cells, given = np.flatnonzero(rng.random(shape) < share), rng.random(shape) < 0.8
+    g = np.full(shape, 1e-4)
+    g.flat[cells] *= np.exp(rng.normal(2.0, 1.0, cells.size))
+    network = readouts.solve(circuit, g)
+    model = Linearised(g, network, network.adc, 0.0 * g, 1e3 * rng.random(shape) * given)
+    found, plain = both(monkeypatch, lambda: model.information(cells, g))
+    np.testing.assert_allclose(
+        np.triu(found), np.triu(plain), rtol=1e-4, atol=1e-5 * plain.max(initial=0.0)
+    )
 
 
 def test_what_lies_outside_of_its_arrays_is_left_to_numpy(rng):

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The inner loops of small skins, compiled (the C files here) where setup.py found a compiler.
 
-The modules that have the same in NumPy ask here first: laplacian.py, quadratic.py, kernel.py and
-solvers/prior.py. Each function returns None where NumPy has
-to do it: nothing is compiled, the skin is large, or the numbers are singular to rounding.
+The modules that have the same in NumPy ask here first: laplacian.py, quadratic.py, kernel.py,
+readouts/floating.py and solvers/prior.py. Each function returns None where NumPy has to do it:
+nothing is compiled, the skin is large, or the numbers are singular to rounding.
 Together they make frames at least 1.15 times faster (`python -m benchmarks.kernel`).
 """
 
@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from ..arrays import Bools, Floats, Floats32, Ints
 
-LINES = 64  # rows + cols up to which the loops are faster than NumPy's BLAS
+LINES = 64  # rows + cols up to which the loops are faster than NumPy's BLAS, and short
 _SHORT = 10  # steps of the fixed point, which take 1 ms on the largest skin
 SOURCES = sorted(Path(__file__).parent.glob("*.c"))
 _View = ctypes.c_char * 0  # of an array's memory, which it keeps
@@ -53,16 +53,17 @@ class _Out:
 
 
 _reals, _singles, _ints = _Array(np.float64), _Array(np.float32), _Array(np.int32)
-_reals_or_none, _singles_or_none = (_Array(kind, True) for kind in (np.float64, np.float32))
+_reals_or_none = _Array(np.float64, True)
 _int, _real = ctypes.c_int, ctypes.c_double
 _ARGUMENTS: dict[str, tuple[Any, ...]] = {
-    "connected_rho": (_int, _int, _reals, _Out),
     "solve": (_int, _int, _reals, *3 * [_Out]),
     "hessian_product": (_int, _int, _reals, _reals, _Out),
     "sensitivity": (_int, _int, _reals, _reals, _int, _ints, _int, _ints, _ints, _Out),
     "touches": (_int, _int, _reals, _reals, _real, *3 * [_Out]),
     "add_terms": (_int, _int, _int, _ints, _reals, _reals_or_none, _Out),
-    "solve_in_box": (_int, _singles, _singles_or_none, *3 * [_reals], *2 * [_Out]),
+    "information": (_int, _int, *4 * [_reals], _int, _ints, _Out),
+    "inverse": (_int, _singles, _int, _ints, _Out),
+    "solve_in_box": (_int, _singles, *3 * [_reals], *2 * [_Out]),
     "fixed_point": (_int, _int, _Out, _int, _ints, *3 * [_reals], *3 * [_real], _int),
 }
 
@@ -74,12 +75,11 @@ class Library:
         # A short call keeps Python's lock: who gives it away waits for each other thread, while
         # that one computes or for the interpreter's switch interval.
         for name, arguments in _ARGUMENTS.items():
-            function = ctypes.PyDLL(path)[name]
-            function.argtypes = arguments
-            setattr(self, name, function)
+            for prefix, load in (("", ctypes.PyDLL), ("long_", ctypes.CDLL)):
+                function = load(path)[name]
+                function.argtypes = arguments
+                setattr(self, prefix + name, function)
         self.touches.restype = _real
-        self.long_fixed_point = ctypes.CDLL(path)["fixed_point"]
-        self.long_fixed_point.argtypes = _ARGUMENTS["fixed_point"]
 
     if TYPE_CHECKING:
 
@@ -129,14 +129,6 @@ library = _load(SOURCES)
 def implementation() -> str:
     """Return what runs for small skins: "compiled" or "in NumPy"."""
     return "compiled" if library else "in NumPy"
-
-
-def connected_rho(g: Floats) -> Floats | None:
-    """As laplacian.connected_rho."""
-    if library is None or sum(g.shape) > LINES:
-        return None
-    rho = np.empty(g.shape)
-    return None if library.connected_rho(*g.shape, g, rho) else rho
 
 
 def solve(g: Floats) -> tuple[float, Floats, Floats] | None:
@@ -193,15 +185,36 @@ def add_terms(
     return not library.add_terms(rows, cols, free.size, cells, diagonal, entries, total)
 
 
-def solve_in_box(
-    precision: Floats32, factor: Floats32 | None, b: Floats, low: Floats, high: Floats
-) -> tuple[Floats, bool, Bools] | None:
-    """As quadratic.solve_in_box; factor: over all unknowns, where it is known."""
-    n = b.size
-    if library is None or n > 4 * LINES or not len(precision) == n == low.size == high.size:
+def information(
+    k: Floats, weight: Floats, slope: Floats, scale: Floats, cells: npt.NDArray[np.integer]
+) -> Floats32 | None:
+    """As Linearised.information, of a floating readout: slope is - d adc / d rho [1/ohm]."""
+    if library is None or len(k) != sum(weight.shape):
         return None
-    dx, inside = np.zeros(n), np.empty(n, np.int32)
-    failed = library.solve_in_box(n, precision, factor, b, low, high, dx, inside) < 0
+    n = cells.size
+    out = np.zeros((n, n), np.float32)
+    given = *weight.shape, k, weight, slope, scale, n, cells.astype(np.int32), out
+    fill = library.information if n <= 4 * LINES else library.long_information
+    return None if fill(*given) else out
+
+
+def inverse(precision: Floats32, kept: Ints) -> Floats32 | None:
+    """As quadratic.inverse, over `kept` unknowns."""
+    out = np.zeros((kept.size, kept.size), np.float32)
+    given = len(precision), precision, kept.size, kept, out
+    return None if library is None or library.inverse(*given) else out
+
+
+def solve_in_box(
+    precision: Floats32, b: Floats, low: Floats, high: Floats
+) -> tuple[Floats, bool, Bools] | None:
+    """As quadratic.solve_in_box."""
+    n = b.size
+    if library is None or not len(precision) == n == low.size == high.size:
+        return None
+    dx, inside = np.zeros(n), np.ones(n, np.int32)
+    solve = library.solve_in_box if n <= 4 * LINES else library.long_solve_in_box
+    failed = solve(n, precision, b, low, high, dx, inside) < 0
     return None if failed else (dx, True, inside.astype(bool))
 
 

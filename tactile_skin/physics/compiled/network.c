@@ -159,18 +159,6 @@ static void two_terminal(const Network *n, double *restrict rho)
             rho[i * n->down + j * n->right] = n->a[i * rows + i] + d[j] - 2.0 * n->c[i * cols + j];
 }
 
-int connected_rho(int rows, int cols, const double *g, double *rho)
-{
-    Network n;
-    double *space = room(rows, cols, 0, &n);
-    int failed = space ? blocks(g, &n) : -1;
-
-    if (!failed)
-        two_terminal(&n, rho);
-    free(space);
-    return failed;
-}
-
 /* k, (lines, lines), comes as zeros; log_det is that of its determinant. */
 int solve(int rows, int cols, const double *g, double *log_det, double *k, double *rho)
 {

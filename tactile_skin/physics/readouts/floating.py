@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .. import laplacian, lines
+from .. import compiled, laplacian, lines
 from ..arrays import Floats, Floats32, Ints
 from .readout import Pair, Readout, blank
 
@@ -75,6 +75,9 @@ class Floating(Readout):
 
     def sensitivity(self, weight: Floats, readings: Ints, one: Ints, other: Ints) -> Floats32:
         return laplacian.sensitivity(self.inverse.k, weight * self._slope, readings, one, other)
+
+    def information(self, weight: Floats, scale: Floats, cells: Ints) -> Floats32 | None:
+        return compiled.information(self.inverse.k, weight, self._slope, scale, cells)
 
     def cells_for(self, cells: Ints, b: Floats) -> Floats:
         return self._solve(cells, b / self._slope)

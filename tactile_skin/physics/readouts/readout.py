@@ -91,6 +91,10 @@ class Readout(ABC):
             readings: (m,) flat, which a; one, other: (n,) the lines, rows first.
         """
 
+    def information(self, weight: Floats, scale: Floats, cells: Ints) -> Floats32 | None:
+        """Return `Linearised.information`; None: it is left to `sensitivity`."""
+        return None
+
     @abstractmethod
     def cells_for(self, cells: Ints, b: Floats) -> Floats:
         """Return (rows, cols) p, 0 but at the flat `cells`, where change(p) is b."""
