@@ -14,11 +14,12 @@ import numpy as np
 
 from ..calibration import proving
 from ..calibration.curve_fit import FittedCurve, fit_curve
-from ..calibration.identify import Identified, identify, reads_alike
+from ..calibration.identify import Identified, identify, reads_alike, straight
 from ..calibration.rest import Rest, measure_rest, supposing
 from ..calibration.touched import MOVED, stands_anew
 from ..health.doctor import other_readout
 from ..health.doctor.advice import HARDEST
+from ..physics.adc import Adc
 from ..physics.circuit import Circuit
 from ..physics.creep import Creep
 from ..physics.proof import NOTHING, Proof
@@ -69,6 +70,7 @@ class Guide:
         *,
         pitch: float = _PITCH,
         known: Proof = _NOTHING,
+        adc: Adc | None = None,
         today: Callable[[], datetime.date] = datetime.date.today,
     ):
         """Prepare the guided steps.
@@ -77,12 +79,14 @@ class Guide:
             circuit: as it is configured.
             pitch: of the cells [m].
             known: what has proved the configured scale.
+            adc: that reads the frames; None: a linear one.
             count_down: before a measurement; recorded frames need none.
             show: takes the force (rows, cols) [N] of what was weighed last.
         """
         self.supposed, self.frames, self.ask, self.say = circuit, frames, ask, say
         self._count_down, self._show = count_down, show
         self.pitch, self.known, self._today = pitch, known, today
+        self._adc = adc or Adc(circuit)
         self.touches: list[np.ndarray] = []
         self.rest: Rest  # the untouched skin, once it is measured
         self.found: Identified | None = None  # as fitted and creep: what was learnt, None before
@@ -95,6 +99,21 @@ class Guide:
     def circuit(self) -> Circuit:
         """What the configuration says, then what the touches tell."""
         return self.found.circuit if self.found else self.supposed
+
+    @property
+    def adc(self) -> Adc:
+        """The converter as configured, then as the touches tell."""
+        return self._adc.bent(self.found.bent) if self.found else self._adc
+
+    def straight(self, frames) -> np.ndarray:
+        """Return (..., rows, cols) ADC ratio by what the touches tell of the converter."""
+        frames = np.asarray(frames)
+        return self._adc.straight(frames, self.found.bent) if self.found else frames
+
+    @property
+    def straight_rest(self) -> Rest:
+        """The rest by the same."""
+        return straight(self.rest, self._adc, self.found.bent) if self.found else self.rest
 
     def run(self) -> None:
         from .creep import find_creep  # here: it leads a Guide
@@ -168,14 +187,14 @@ class Guide:
             if len(touches) % _EVERY:
                 self.say(f"  touch {len(touches)}")
                 continue
-            self.found = identify(touches, self.supposed, self.rest)
+            self.found = identify(touches, self.supposed, self.rest, adc=self._adc)
             if not any(self.found.told.values()):
                 self._check_readout(touches)
             self.say(f"  touch {len(touches)}: {self.found.message}")
             if len(touches) >= (most if self.found.missing else 2 * _EVERY):
                 break
         if len(touches) % _EVERY:
-            self.found = identify(touches, self.supposed, self.rest)
+            self.found = identify(touches, self.supposed, self.rest, adc=self._adc)
             self.say(f"  {self.found.message}")
         if self.found and (alike := reads_alike(self.supposed, self.found)):
             self.say(f"  {alike}")
@@ -318,7 +337,7 @@ class Guide:
             self.fitted = None
         elif self.fitted:
             used = np.delete(weights, self.fitted.odd)
-            self.prove(frames, used, lambda *by: fit_curve(np.array(frames), weights, *by))
+            self.prove(frames, used, lambda *by: self._by_weights(frames, weights, *by))
         elif len(weights) < LEAST_OBJECTS:
             self.say(f"  {len(weights)} objects: the curve stays that of the configuration.")
         return True
@@ -341,7 +360,8 @@ class Guide:
     def prove(self, frames, loads, refit: proving.Refit) -> None:
         """Say whether loads prove the fitted curve; arguments as of `proving.by_weights`."""
         assert self.fitted is not None
-        by = self.circuit, self.rest, frames, loads, self.touches, self.pitch
+        given = self.straight(frames), loads, [*self.straight(self.touches)]
+        by = self.circuit, self.straight_rest, *given, self.pitch
         error, why = proving.by_weights(self.fitted, refit, *by)
         self.conclude(error, self.unfit or why, loads)
 
@@ -351,19 +371,21 @@ class Guide:
         self.say(words)
 
     def _learn_by(self, frames: list[np.ndarray]) -> bool:
-        """Whether objects tell r_par, with the touches, where these did not."""
+        """Ask the objects, too, where the touches do not tell r_par; whether they were asked."""
         if self.found is None or self.found.told["r_par"]:
             return False
-        found = identify([*self.touches, *frames], self.supposed, self.rest)
-        if found.told["r_par"]:
-            self.found = found
-            self.say(f"  With the objects: {found.message}")
-        return found.told["r_par"]
+        self.found = identify([*self.touches, *frames], self.supposed, self.rest, adc=self._adc)
+        if self.found.told["r_par"]:
+            self.say(f"  With the objects: {self.found.message}")
+        return True
+
+    def _by_weights(self, frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
+        return fit_curve(self.straight(frames), weights, circuit, rest, ends=self.adc.range)
 
     def _fit(self, frames: list[np.ndarray], weights: list[float]) -> None:
-        rest = supposing(self.rest, self.circuit)
+        rest = supposing(self.straight_rest, self.circuit)
         try:
-            fitted = fit_curve(np.array(frames), np.array(weights), self.circuit, rest)
+            fitted = self._by_weights(frames, weights, self.circuit, rest)
         except ValueError as error:
             self.say(f"  {error}")
             return
@@ -373,7 +395,7 @@ class Guide:
         usual = float(np.median(rest.conductance[cells]))  # S
         at_rest = 1.0 / np.where(cells, rest.conductance, usual)
         curve = fitted.curve.resting_at(at_rest)
-        found = compensate(frames[-1], self.circuit, curve, "map", missing=True)
+        found = compensate(self.straight(frames[-1]), self.circuit, curve, "map", missing=True)
         self._show(found.force)
         self.say(f"  felt: {found.force.sum():.1f} N of {weights[-1]:.1f} N")
 
