@@ -23,6 +23,7 @@ from tactile_skin.guide.calibrated import known_of, write
 from tactile_skin.guide.calibration import Guide
 from tactile_skin.middleware.config import read_skin
 from tactile_skin.middleware.threads import one_thread
+from tactile_skin.physics.creep import NO_CREEP
 
 from .. import harness
 from ..calibration.proved import OBJECTS, Hands
@@ -38,6 +39,7 @@ class Person(Hands):
 
     def __init__(self, *board_and_things):
         super().__init__(*board_and_things)
+        self._creep = NO_CREEP  # benchmarks.calibration.creep is of creep
         self.said: list[str] = []
         self.seconds = 0.0
 
@@ -59,12 +61,12 @@ class Person(Hands):
         return super().frames(seconds)
 
 
-def launched(board: Unknown, skin, adc: dict, force: np.ndarray, crept: float) -> tuple[np.ndarray, float]:
+def launched(board: Unknown, skin, adc: dict, force: np.ndarray) -> tuple[np.ndarray, float]:
     """(n,) felt over true of presses (n, rows, cols) [N]; share of the time in a fault stop."""
     each = np.repeat(np.concatenate([np.zeros((1, *force.shape[1:])), force]), 1, 0)
     still, pause = np.zeros((int(REST * RATE), *force.shape[1:])), np.zeros((APART, *force.shape[1:]))
     stream = np.concatenate([still, *(np.concatenate([[f] * STANDS, pause]) for f in each[1:])])
-    exposed = {f.tobytes(): board.expose(f, np.where(f > 0.0, crept, 1.0)) for f in each}
+    exposed = {f.tobytes(): board.expose(f) for f in each}
     ratio = np.array([board.sample(exposed[f.tobytes()]) for f in stream])
     encode = None
     if isinstance(board, UnknownEsp32):
@@ -83,18 +85,17 @@ def run(board: Unknown, seed: int, entered: dict, words: bool) -> dict:
     """Guide a person over a board; figures before and after."""
     shape, rng = board.supposed.shape, np.random.default_rng([seed, 17])
     person = Person(board, 1.0, objects(OBJECTS, shape, rng)[0], rng)
-    crept = float(person._creep.gain(STANDS / RATE))
     force, _ = presses(PRESSES, shape, np.random.default_rng([seed, 18]))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "mine.yaml"
         path.write_text(yaml.safe_dump({"/**": {"ros__parameters": {"circuit": entered}}}))
         skin = read_skin(path)
-        before, _ = launched(board, skin, parameters(path), force, crept)
+        before, _ = launched(board, skin, parameters(path), force)
         guide = Guide(skin.circuit, person.frames, person.ask, person.say, person.wait, **known_of(skin))
         guide.run()
         write(path, path, guide, skin)
         skin = read_skin(path)
-        after, stopped = launched(board, skin, parameters(path), force, crept)
+        after, stopped = launched(board, skin, parameters(path), force)
     if words:
         print(*person.said, sep="\n")
     print(

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..physics.adc import BENT, Adc
+from ..physics.adc import BENT, BETWEEN, Adc
 from ..physics.circuit import Circuit
 from ..solvers.evidence import HARD, RELEVANT, SOFT, Evidence, Supposed, series_scale
 from ..solvers.reading import ROUNDING_NOISE
@@ -86,7 +86,7 @@ def identify(
         ValueError: another shape, values outside [0, 1], or readings that fit no skin.
     """
     frames, adc = rest.quiet(check_frames(frames, circuit)), adc or Adc(circuit)
-    end, ended = _converter_end(frames, circuit)
+    end, _ = _converter_end(frames, circuit)
     bends = np.zeros(len(adc.bends(np.zeros(1))))
     # with an r_par that is far too large no frame of a loaded matrix is explained
     starts = (np.append(start, bends) for start in (np.zeros(2), without_r_par(circuit)))
@@ -96,13 +96,24 @@ def identify(
     if first is None:
         prior = prior_of(circuit, adc)
         nothing = Solution(np.zeros(len(prior)), prior, np.sqrt(1.0 / prior.diagonal()), 0)
-        return _identified(circuit, nothing, ended)
+        return _identified(circuit, nothing, frames)
     found = first if soft else _the_cautious(frames, first, *given)
-    return _identified(circuit, found, ended)
+    return _identified(circuit, found, frames)
 
 
-def _converter_end(frames, circuit: Circuit) -> tuple[float, int]:
-    """ADC ratio at which the converter ends, and how many of (n, rows, cols) readings are there.
+def how_to_press(frames, circuit: Circuit) -> str:
+    """Return how touches may tell more than those of (n, rows, cols) frames do."""
+    ended = int(np.count_nonzero(_converter_end(frames, circuit)[1]))
+    if 2 * ended <= len(frames):
+        return "press hard in more places, with more than a fingertip"
+    return (
+        f"in {ended} of {len(frames)} touches readings are at the converter's end: press less "
+        "hard, with more than a fingertip"
+    )
+
+
+def _converter_end(frames, circuit: Circuit) -> tuple[float, np.ndarray]:
+    """ADC ratio at which the converter ends, and (n,) bool, frames of which readings are there.
 
     Its full scale, or a lower height at which several readings stop that would differ.
     """
@@ -110,7 +121,7 @@ def _converter_end(frames, circuit: Circuit) -> tuple[float, int]:
     stopped = frames > top - 0.5 / circuit.full_scale
     if np.count_nonzero(stopped) < SHELF or np.count_nonzero(stopped.any((1, 2))) < 2:
         stopped, top = frames > 1.0 - 0.5 / circuit.full_scale, 1.0
-    return float(top), int(np.count_nonzero(stopped))
+    return float(top), stopped.any((1, 2))
 
 
 def _the_cautious(frames, sharp: Solution, *given) -> Solution:
@@ -163,6 +174,8 @@ def _solve_frames(
 ) -> Solution | None:
     """Return what all frames say together, from `off` on; None: fewer than `FEWEST` do."""
     noise, rounds = max(rest.noise, ROUNDING_NOISE), []
+    if off[2:].size:
+        noise = float(np.hypot(noise, BETWEEN * circuit.full_scale))
     for _ in range(_ROUNDS):
         now, here = shifted(circuit, off[:2]), straight(rest, adc, off[2:])
         conductance, top = supposing(here, now).conductance, float(adc.straight(end, off[2:]))
@@ -287,6 +300,8 @@ def _unknown_rest(rest: Rest, supposed: Supposed) -> np.ndarray:
 def reads_alike(supposed: Circuit, found: Identified) -> str:
     """Return what else than the r_par that was found explains the frames; "": it is as supposed."""
     value, given, std = found.circuit.r_par, supposed.r_par, found.std["r_par"]
+    if len(found.bent):  # a chip's own gain reads so, too
+        std = np.hypot(std, BENT * supposed.r_ref)
     relevant = max(CONTRADICTION * std, RELEVANT * series_scale(supposed))
     if not found.told["r_par"] or abs(value - given) <= relevant:
         return ""
@@ -299,8 +314,8 @@ def reads_alike(supposed: Circuit, found: Identified) -> str:
     )
 
 
-def _identified(circuit: Circuit, solution: Solution, ended: int) -> Identified:
-    """Return what was identified, in numbers and words; `ended` readings are at the ADC's end."""
+def _identified(circuit: Circuit, solution: Solution, touches: np.ndarray) -> Identified:
+    """Return what was identified by (n, rows, cols) touches, in numbers and words."""
     off, information, std, frames = solution
     std, bent = std[:2], off[2:]
     told = std < told_below(circuit)
@@ -324,13 +339,8 @@ def _identified(circuit: Circuit, solution: Solution, ended: int) -> Identified:
     if ideal:
         words.append(f"r_line is taken as 0 if {circuit.readout}")
     message = f"{', '.join(words)} ({frames} frames tell something)"
-    if ended:
-        message += (
-            f"; {ended} readings are at the converter's end and were left out: press less hard, "
-            "with more than a fingertip, or use a smaller r_ref"
-        )
-    elif missing:
-        message += ": press hard in more places, with more than a fingertip"
+    if missing:
+        message += f": {how_to_press(touches, circuit)}"
     return Identified(
         found,
         off[2:],

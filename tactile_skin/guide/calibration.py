@@ -181,7 +181,7 @@ class Guide:
             "2 of 3. Press here and there, near the edges too: hard, with a knuckle, a\n  palm, "
             f"both hands. Hold each touch for a moment. {2 * _EVERY} to {TOUCHES} of them count."
         )
-        touches = self.touches
+        touches, telling = self.touches, [0, 0]  # frames that tell something, each time
         most = max(TOUCHES, len(touches) + 2 * _EVERY)
         for _ in self.presses():
             if len(touches) % _EVERY:
@@ -190,11 +190,14 @@ class Guide:
             self.found = identify(touches, self.supposed, self.rest, adc=self._adc)
             if not any(self.found.told.values()):
                 self._check_readout(touches)
-            self.say(f"  touch {len(touches)}: {self.found.message}")
-            if len(touches) >= (most if self.found.missing else 2 * _EVERY):
+            self.say(f"  touch {len(touches)}")
+            telling.append(self.found.frames)
+            enough = not self.found.missing or telling[-1] <= telling[-3]  # more tell no more
+            if (enough and len(touches) >= 2 * _EVERY) or len(touches) >= most:
                 break
         if len(touches) % _EVERY:
             self.found = identify(touches, self.supposed, self.rest, adc=self._adc)
+        if self.found:
             self.say(f"  {self.found.message}")
         if self.found and (alike := reads_alike(self.supposed, self.found)):
             self.say(f"  {alike}")

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..calibration.identify import how_to_press
 from ..calibration.rest import Rest
 from ..findings.finding import Finding
 from ..health.doctor.recorded import FEW_TOUCHES, Recorded, record
@@ -55,8 +56,8 @@ def _unseen(seen: Recorded) -> str:
         words.append("a wrong readout, r_par or scale: each reading is of its own cell alone")
     elif not shows(seen, series):
         words.append(
-            f"a wrong {series}, r_ref or supply: these touches say too little of it, press hard in "
-            "more places, with more than a fingertip"
+            f"a wrong {series}, r_ref or supply: these touches say too little of it, "
+            f"{how_to_press(seen.touches, seen.circuit)}"
         )
     if not readout.two_terminal:
         words.append("a wrong r_ref, which reads like another fabric")
