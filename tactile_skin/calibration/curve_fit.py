@@ -198,9 +198,9 @@ def added_conductance(
     cells = circuit.populated
     soft = knots.curve(circuit.r_ref, usual)  # any slope: what the cells conduct is looked for
     soft = soft.resting_at(1.0 / np.where(cells, at_rest, usual))
-    low, high = np.add(ends, (0.5 / circuit.full_scale, -0.5 / circuit.full_scale))
-    bounds = {"threshold": low if ends[0] else 0.0, "ceiling": high if ends[1] < 1.0 else 1.0}
-    found = compensate(frames, circuit, soft, "map", missing=True, **bounds)
+    half = 0.5 / circuit.full_scale  # of a step: frames are means
+    low, high = ends[0] and ends[0] + half, ends[1] - half if ends[1] < 1.0 else 1.0
+    found = compensate(frames, circuit, soft, "map", missing=True, threshold=low, ceiling=high)
     failed = np.flatnonzero(found.status == "failed")
     if failed.size:
         raise ValueError(f"frame {failed[0]}: {found.message[failed[0]]}")

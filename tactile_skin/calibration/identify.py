@@ -57,7 +57,7 @@ class Identified:
             half of it and 5 standard deviations. r_line never if loaded.
         missing: what they do not tell, and more of them would.
         frames: how many of them say anything.
-        message: for a person.
+        message, advice: for a person; how touches may tell what is missing, "" if nothing is.
     """
 
     circuit: Circuit
@@ -67,6 +67,7 @@ class Identified:
     missing: tuple[str, ...]
     frames: int
     message: str
+    advice: str = ""
 
 
 def identify(
@@ -150,7 +151,9 @@ class Solution(NamedTuple):
     frames: int
 
     @classmethod
-    def of(cls, found: list[Evidence], at, circuit: Circuit, rest: Rest, supposed: Supposed, adc=None):
+    def of(
+        cls, found: list[Evidence], at, circuit: Circuit, rest: Rest, supposed: Supposed, adc=None
+    ):
         """Solve for what explains all frames best, to first order.
 
         Args:
@@ -177,8 +180,9 @@ def _solve_frames(
     if off[2:].size:
         noise = float(np.hypot(noise, BETWEEN * circuit.full_scale))
     for _ in range(_ROUNDS):
-        now, here = shifted(circuit, off[:2]), straight(rest, adc, off[2:])
-        conductance, top = supposing(here, now).conductance, float(adc.straight(end, off[2:]))
+        now, here = shifted(circuit, off[:2]), adc.straight(np.append(rest.adc, end), off[2:])
+        untouched, top = replace(rest, adc=here[:-1].reshape(circuit.shape)), float(here[-1])
+        conductance = supposing(untouched, now).conductance
         supposed = Supposed(now, conductance, hard, exact=True, end=top, adc=adc)
         each = (supposed.evidence(adc.straight(frame, off[2:]), noise) for frame in frames)
         found = [evidence for evidence in each if evidence is not None]
@@ -194,11 +198,6 @@ def _solve_frames(
     last = np.array(rounds[_ROUNDS // 2 :])
     std = np.hypot(solution.std, last.std(0, ddof=1))
     return solution._replace(off=last.mean(0), std=std)
-
-
-def straight(rest: Rest, adc: Adc, bent: np.ndarray) -> Rest:
-    """Return the rest as an ADC would have read it that is not (k,) bent."""
-    return replace(rest, adc=adc.straight(rest.adc, bent))
 
 
 def names(circuit: Circuit) -> tuple[str, str]:
@@ -317,7 +316,7 @@ def reads_alike(supposed: Circuit, found: Identified) -> str:
 def _identified(circuit: Circuit, solution: Solution, touches: np.ndarray) -> Identified:
     """Return what was identified by (n, rows, cols) touches, in numbers and words."""
     off, information, std, frames = solution
-    std, bent = std[:2], off[2:]
+    std, bends = std[:2], np.zeros(len(off) - 2, bool)
     told = std < told_below(circuit)
     there = series_scale(shifted(circuit, off[:2]))
     told[0] |= abs(off[0]) > max(BEYOND * std[0], _FAR * there)
@@ -325,7 +324,7 @@ def _identified(circuit: Circuit, solution: Solution, touches: np.ndarray) -> Id
     if ideal := not (readout.knows_r_line or readout.knows_r_drive):
         told[1] = False
     # What is not told stays as it was supposed, and the other is what then explains the frames.
-    off = _held(off, information, np.append(~told, bent != bent), 0.0)
+    off = _held(off, information, np.append(~told, bends), 0.0)
     found = shifted(circuit, off[:2])
     both = names(circuit)
     missing = tuple(n for n, yes in zip(both, told | [False, ideal], strict=True) if not yes)
@@ -338,9 +337,6 @@ def _identified(circuit: Circuit, solution: Solution, touches: np.ndarray) -> Id
         words.append(f"the frames do not tell {' and '.join(missing)}")
     if ideal:
         words.append(f"r_line is taken as 0 if {circuit.readout}")
-    message = f"{', '.join(words)} ({frames} frames tell something)"
-    if missing:
-        message += f": {how_to_press(touches, circuit)}"
     return Identified(
         found,
         off[2:],
@@ -348,5 +344,6 @@ def _identified(circuit: Circuit, solution: Solution, touches: np.ndarray) -> Id
         dict(zip(both, told.tolist(), strict=True)),
         missing,
         frames,
-        message,
+        f"{', '.join(words)} ({frames} frames tell something)",
+        how_to_press(touches, circuit) if missing else "",
     )

@@ -9,21 +9,21 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from ..calibration import proving
 from ..calibration.curve_fit import FittedCurve, fit_curve
-from ..calibration.identify import Identified, identify, reads_alike, straight
+from ..calibration.identify import Identified, identify, reads_alike
 from ..calibration.rest import Rest, measure_rest, supposing
 from ..calibration.touched import MOVED, stands_anew
-from ..health.doctor import other_readout
-from ..health.doctor.advice import HARDEST
 from ..physics.adc import Adc
 from ..physics.circuit import Circuit
 from ..physics.creep import Creep
 from ..physics.proof import NOTHING, Proof
 from ..solvers import compensate
+from .sent import check_readout
 from .weight import concluded, newtons
 
 REST = 3.0  # s that the skin rests
@@ -111,9 +111,9 @@ class Guide:
         return self._adc.straight(frames, self.found.bent) if self.found else frames
 
     @property
-    def straight_rest(self) -> Rest:
+    def at_rest(self) -> Rest:
         """The rest by the same."""
-        return straight(self.rest, self._adc, self.found.bent) if self.found else self.rest
+        return replace(self.rest, adc=self.straight(self.rest.adc))
 
     def run(self) -> None:
         from .creep import find_creep  # here: it leads a Guide
@@ -198,7 +198,7 @@ class Guide:
         if len(touches) % _EVERY:
             self.found = identify(touches, self.supposed, self.rest, adc=self._adc)
         if self.found:
-            self.say(f"  {self.found.message}")
+            self.say(": ".join(filter(None, ("  " + self.found.message, self.found.advice))))
         if self.found and (alike := reads_alike(self.supposed, self.found)):
             self.say(f"  {alike}")
         self._check_readout(touches)
@@ -231,18 +231,9 @@ class Guide:
         self.say(f"  no new touch for {PATIENCE:.0f} s")
 
     def _check_readout(self, touches: list[np.ndarray]) -> None:
-        """ValueError: they are those of another readout than the configured one.
-
-        Where something else explains them as well it is only said.
-        """
-        hardest = sorted(touches, key=lambda touch: -np.nanmax(touch))[:HARDEST]
-        at_rest = self.rest.quiet(self.rest.adc[None])[0]
-        found = other_readout(self.circuit, at_rest, self.rest.noise, np.array(hardest))
-        if found and found.change:
-            raise ValueError(str(found))
-        if found:
+        if words := check_readout(self.circuit, self.at_rest, self.straight(touches)):
             self.unfit = "the touches do not fit the circuit"
-            self.say(f"  {found}")
+            self.say(f"  {words}")
 
     def _new_touch(self) -> tuple[np.ndarray | None, str]:
         """Return the mean frame of a new touch that stands, or None and why there is none."""
@@ -364,7 +355,7 @@ class Guide:
         """Say whether loads prove the fitted curve; arguments as of `proving.by_weights`."""
         assert self.fitted is not None
         given = self.straight(frames), loads, [*self.straight(self.touches)]
-        by = self.circuit, self.straight_rest, *given, self.pitch
+        by = self.circuit, self.at_rest, *given, self.pitch
         error, why = proving.by_weights(self.fitted, refit, *by)
         self.conclude(error, self.unfit or why, loads)
 
@@ -386,7 +377,7 @@ class Guide:
         return fit_curve(self.straight(frames), weights, circuit, rest, ends=self.adc.range)
 
     def _fit(self, frames: list[np.ndarray], weights: list[float]) -> None:
-        rest = supposing(self.straight_rest, self.circuit)
+        rest = supposing(self.at_rest, self.circuit)
         try:
             fitted = self._by_weights(frames, weights, self.circuit, rest)
         except ValueError as error:

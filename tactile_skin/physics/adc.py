@@ -57,6 +57,7 @@ class Adc:
         supply: of the divider [V]; only a diode needs it.
         table: of an ADC that is not linear: a name of `TABLES`, or (n, 2) readings [ADC steps],
             rising, and the shares of the supply that they stand for, not falling; None: linear.
+        typical: whether the table is that of a typical chip, and this one may be `bent`.
 
     Raises:
         ValueError: a full scale, an offset, a diode or a table that leaves no range, a diode of a
@@ -71,6 +72,7 @@ class Adc:
     diode: float = 0.0
     supply: float = 5.0
     table: str | Floats | None = None
+    typical: bool = field(default=False, init=False)
 
     def __post_init__(self) -> None:
         full = self.full_scale or float(self.circuit.full_scale)
@@ -101,7 +103,7 @@ class Adc:
             if not scanned.any():
                 raise ValueError("scanned: no crossing is read")
             object.__setattr__(self, "scanned", frozen(scanned))
-        object.__setattr__(self, "_typical", isinstance(self.table, str) and not self.diode)
+        object.__setattr__(self, "typical", isinstance(self.table, str) and not self.diode)
         if self.table is not None:
             object.__setattr__(self, "table", _table(self.table, self.circuit.adc_bits))
 
@@ -209,7 +211,7 @@ class Adc:
         A shipped table is a typical chip's: all may read alike too high, and the end, where it is
         not straight, lie elsewhere. A gain reads as another r_par and fabric. Else k is 0.
         """
-        if not self._typical:
+        if not self.typical:
             return np.empty((0, *np.shape(ratio)))
         high = self._share_of(np.asarray(self.table)[[1, -1], 0] - self.offset)
         knots = [high[0], high.mean(), high[1]]
@@ -218,8 +220,10 @@ class Adc:
 
     def straight(self, ratio: Floats, bent: Floats) -> Floats:
         """Return ratios (...) of a chip that is (k,) `bent` as they would be of this one."""
+        if not len(bent):
+            return ratio
         straight: Floats = np.clip(ratio - np.tensordot(bent, self.bends(ratio), 1), 0.0, 1.0)
-        return straight if len(bent) else ratio
+        return straight
 
     def bent(self, bent: Floats) -> Adc:
         """Return the converter of a chip that is (k,) bent, with a table of its own."""
@@ -228,7 +232,9 @@ class Adc:
         at = np.asarray(self.table)[:, 0]
         share = self._share_of(at - self.offset)
         ratio = self.straight(1.0 - share if self.inverted else share, bent)
-        share = (1.0 - ratio if self.inverted else ratio) * self.full_scale / self.circuit.full_scale
+        share = (
+            (1.0 - ratio if self.inverted else ratio) * self.full_scale / self.circuit.full_scale
+        )
         return replace(self, table=np.stack([at, np.maximum.accumulate(share)], 1))
 
     def _behind_diode(self, share: float | Floats) -> Any:

@@ -89,8 +89,8 @@ class Evidence(NamedTuple):
         score: (2 + k,) d(-chi^2 / 2) / d(r_par, `Readout.second`) past what the touched cells can
             take [1/ohm]; 0 where the latter is not modelled; and by `Adc.bends`.
         information: (2 + k, 2 + k) of the same [1/ohm^2].
-        by_rest: (2 + k, rows, cols) by how much the score changes with what each cell conducts at rest
-            [1/ohm/S].
+        by_rest: (2 + k, rows, cols) by how much the score changes with what each cell conducts at
+            rest [1/ohm/S].
         chi2: of the fit.
         count: readings past the unknowns.
     """
@@ -151,7 +151,7 @@ class Supposed:
         return [resting.cells_for(self._cells, -resting.by_r_par), other, *bends]
 
     def by_reading(self, by_rest: np.ndarray) -> np.ndarray:
-        """(2 + k, readings) by how much a score changes with each reading of the rest [1/ohm/ADC step].
+        """(2 + k, readings) change of a score with each reading of the rest [1/ohm/ADC step].
 
         Args:
             by_rest: of `Evidence`, or a sum of them.
@@ -232,7 +232,7 @@ class Supposed:
         """Return what the touched cells cannot take, and the held cells that are touched.
 
         Returns:
-            (readings, 2 + k) `_patterns`, (readings,) misfit, what no circuit takes of it, flat cells.
+            (readings, 2 + k) `_patterns`, (readings,) misfit, what no circuit takes, flat cells.
         """
         jacobian = _jacobian(model, self._cells)
         free = touched.flat[self._cells]

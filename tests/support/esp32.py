@@ -84,25 +84,18 @@ def frames(circuit: Circuit, seed, of, seconds: float = 90.0, *, offset=OFFSET, 
     return chip.read(volts + NOISE * rng.standard_normal(volts.shape)), force
 
 
-def felt(
-    circuit: Circuit, readings, force, adc: dict, encode=None
-) -> tuple[np.ndarray, float, dict]:
-    """Ratio of felt to true force while touched; share of time in a fault stop; reasons.
-
-    Args:
-        encode: (number, reading) -> bytes of a board that sends binary frames; None: text.
-    """
+def felt(circuit: Circuit, readings, force, adc: dict) -> tuple[np.ndarray, float, dict]:
+    """Ratio of felt to true force while touched; share of time in a fault stop; reasons."""
     driver = {name: value for name, value in adc.items() if name.startswith("circuit.")}
     parameters = {"serial_driver": driver, "compensation": adc}
     parameters |= {"gesture_feature": {"geometry.shape": "plane"}}
-    chain = Chain(circuit, "binary" if encode else "text", parameters)
-    encode = encode or (lambda _, frame: b",".join(b"%d" % v for v in frame.ravel()) + b"\n")
+    chain = Chain(circuit, "text", parameters)
     total = force.sum((1, 2))
     near = np.array([total[max(k - LATEST, 0) : k + LATEST + 1].min() for k in range(len(total))])
     ratio, faults, why = [], 0, {}
     try:
         for k, frame in enumerate(readings):
-            chain.feed(k / RATE + 0.01, encode(k, frame))
+            chain.feed(k / RATE + 0.01, b",".join(b"%d" % v for v in frame.ravel()) + b"\n")
             chain.until(k / RATE + 0.04)
             if near[k] > TOUCHED:
                 ratio.append(chain.force.sum() / total[k])
