@@ -34,8 +34,8 @@ _DIODE_ROUNDS = 12  # of a fixed point that gains two digits each
 # Tables that are shipped, name -> file: readings of _TABLE_BITS bits, their shares of the supply.
 TABLES = {p.stem: p for p in sorted((Path(__file__).parent / "adc_tables").glob("*.csv"))}
 _TABLE_BITS = 12
-BENT = 0.015  # share of the supply, RMS, by which chips are off a table that is shipped (esp32.csv)
-BETWEEN = 0.0008  # the same, where offset, gain and end are known (tests/support/esp32.py)
+# Shares of the supply, RMS, by which chips are off a shipped table, and off it once it is bent
+BENT, BETWEEN = 0.015, 0.0008
 _MIDDLE = np.array([0.25, 0.75])  # of the range: between them a table's slope is taken as the usual
 
 
