@@ -11,7 +11,7 @@ from ..calibration.identify import how_to_press
 from ..calibration.rest import Rest
 from ..findings.finding import Finding
 from ..health.doctor.recorded import FEW_TOUCHES, Recorded, record
-from ..health.doctor.series import shows
+from ..health.doctor.series import shows, touches_of
 from ..physics.circuit import Circuit
 
 # Share of what a short circuit reads that hard presses exceed on every board that was seen: of one
@@ -57,7 +57,7 @@ def _unseen(seen: Recorded) -> str:
     elif not shows(seen, series):
         words.append(
             f"a wrong {series}, r_ref or supply: these touches say too little of it, "
-            f"{how_to_press(seen.touches, seen.circuit)}"
+            f"{how_to_press(touches_of(seen), seen.circuit)}"
         )
     if not readout.two_terminal:
         words.append("a wrong r_ref, which reads like another fabric")
