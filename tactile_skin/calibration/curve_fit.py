@@ -81,7 +81,9 @@ class FittedCurve:
     creep: Creep = NO_CREEP
 
 
-def fit_curve(frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
+def fit_curve(
+    frames, weights, circuit: Circuit, rest: Rest, *, ends: tuple[float, float] = (0.0, 1.0)
+) -> FittedCurve:
     """Find the curve by frames of objects of known weight.
 
     Objects that load many cells, and light as well as heavy ones, tell most of the curve; thirty or
@@ -93,6 +95,7 @@ def fit_curve(frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
         weights: (n,) total load of each [N], in any order.
         circuit: with r_par and r_line as `identify` found them.
         rest: `measure_rest` of the same skin.
+        ends: ADC ratios at which the converter ends: readings there are bounds.
 
     Raises:
         ValueError: fewer than 3 weights, a weight that is not above 0 and finite, shapes that
@@ -103,7 +106,7 @@ def fit_curve(frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
     at_rest = supposing(rest, circuit).conductance
     usual = float(np.median(at_rest[circuit.populated]))  # S
     knots = Knots.of(circuit, usual)
-    added, doubts = added_conductance(frames, circuit, at_rest, usual, knots)
+    added, doubts = added_conductance(frames, circuit, at_rest, usual, knots, ends)
     untouched = np.flatnonzero(added.sum((1, 2)) <= 0.0)
     if untouched.size:
         k = untouched[0]
@@ -188,12 +191,16 @@ def _check_weights(weights, n: int) -> np.ndarray:
     return weights
 
 
-def added_conductance(frames, circuit: Circuit, at_rest, usual: float, knots: Knots):
+def added_conductance(
+    frames, circuit: Circuit, at_rest, usual: float, knots: Knots, ends=(0.0, 1.0)
+):
     """(n, rows, cols) [S] that the cells conduct beyond their rest; how many frames are suspect."""
     cells = circuit.populated
     soft = knots.curve(circuit.r_ref, usual)  # any slope: what the cells conduct is looked for
     soft = soft.resting_at(1.0 / np.where(cells, at_rest, usual))
-    found = compensate(frames, circuit, soft, "map", missing=True)
+    half = 0.5 / circuit.full_scale  # of a step: frames are means
+    low, high = ends[0] and ends[0] + half, ends[1] - half if ends[1] < 1.0 else 1.0
+    found = compensate(frames, circuit, soft, "map", missing=True, threshold=low, ceiling=high)
     failed = np.flatnonzero(found.status == "failed")
     if failed.size:
         raise ValueError(f"frame {failed[0]}: {found.message[failed[0]]}")

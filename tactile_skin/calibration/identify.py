@@ -20,6 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..physics.adc import BENT, BETWEEN, Adc
 from ..physics.circuit import Circuit
 from ..solvers.evidence import HARD, RELEVANT, SOFT, Evidence, Supposed, series_scale
 from ..solvers.reading import ROUNDING_NOISE
@@ -49,24 +50,29 @@ class Identified:
 
     Attributes:
         circuit: with r_par and r_line as found; as given where the frames do not tell.
+        bent: (k,) of `Adc.bends`, by how much this chip is off a table that is shipped.
         std: name -> one standard deviation [ohm].
         told: name -> whether the frames tell it: its standard deviation is below 3 % of r_par (of
             `evidence.series_scale`), or 4 ohm of r_line or r_drive; or the supposed r_par is off by
             half of it and 5 standard deviations. r_line never if loaded.
         missing: what they do not tell, and more of them would.
         frames: how many of them say anything.
-        message: for a person.
+        message, advice: for a person; how touches may tell what is missing, "" if nothing is.
     """
 
     circuit: Circuit
+    bent: np.ndarray
     std: dict[str, float]
     told: dict[str, bool]
     missing: tuple[str, ...]
     frames: int
     message: str
+    advice: str = ""
 
 
-def identify(frames, circuit: Circuit, rest: Rest, *, soft: bool = False) -> Identified:
+def identify(
+    frames, circuit: Circuit, rest: Rest, *, soft: bool = False, adc: Adc | None = None
+) -> Identified:
     """Find r_par, and r_line or of a grounded matrix r_drive, by 10 to 30 frames of touches.
 
     Args:
@@ -75,26 +81,40 @@ def identify(frames, circuit: Circuit, rest: Rest, *, soft: bool = False) -> Ide
             is one for each stripe, what is found is added to all of them.
         rest: `measure_rest` of the same skin.
         soft: whether touches have soft rims, as fingers, for sure; else it is found out.
+        adc: that read the frames; None: a linear one.
 
     Raises:
         ValueError: another shape, values outside [0, 1], or readings that fit no skin.
     """
-    frames = rest.quiet(check_frames(frames, circuit))
-    end, ended = _converter_end(frames, circuit)
+    frames, adc = rest.quiet(check_frames(frames, circuit)), adc or Adc(circuit)
+    end, _ = _converter_end(frames, circuit)
+    bends = np.zeros(len(adc.bends(np.zeros(1))))
     # with an r_par that is far too large no frame of a loaded matrix is explained
-    starts, hard = (np.zeros(2), without_r_par(circuit)), SOFT if soft else HARD
-    tries = (_solve_frames(frames, circuit, rest, start, hard, end) for start in starts)
+    starts = (np.append(start, bends) for start in (np.zeros(2), without_r_par(circuit)))
+    given, hard = (circuit, rest, adc, end), SOFT if soft else HARD
+    tries = (_solve_frames(frames, start, hard, *given) for start in starts)
     first = next((found for found in tries if found is not None), None)
     if first is None:
-        prior = prior_of(circuit)
-        nothing = Solution(np.zeros(2), prior, np.sqrt(1.0 / prior.diagonal()), 0)
-        return _identified(circuit, nothing, ended)
-    found = first if soft else _the_cautious(frames, circuit, rest, first, end)
-    return _identified(circuit, found, ended)
+        prior = prior_of(circuit, adc)
+        nothing = Solution(np.zeros(len(prior)), prior, np.sqrt(1.0 / prior.diagonal()), 0)
+        return _identified(circuit, nothing, frames)
+    found = first if soft else _the_cautious(frames, first, *given)
+    return _identified(circuit, found, frames)
 
 
-def _converter_end(frames, circuit: Circuit) -> tuple[float, int]:
-    """ADC ratio at which the converter ends, and how many of (n, rows, cols) readings are there.
+def how_to_press(frames, circuit: Circuit) -> str:
+    """Return how touches may tell more than those of (n, rows, cols) frames do."""
+    ended = int(np.count_nonzero(_converter_end(frames, circuit)[1]))
+    if 2 * ended <= len(frames):
+        return "press hard in more places, with more than a fingertip"
+    return (
+        f"in {ended} of {len(frames)} touches readings are at the converter's end: press less "
+        "hard, with more than a fingertip"
+    )
+
+
+def _converter_end(frames, circuit: Circuit) -> tuple[float, np.ndarray]:
+    """ADC ratio at which the converter ends, and (n,) bool, frames of which readings are there.
 
     Its full scale, or a lower height at which several readings stop that would differ.
     """
@@ -102,27 +122,27 @@ def _converter_end(frames, circuit: Circuit) -> tuple[float, int]:
     stopped = frames > top - 0.5 / circuit.full_scale
     if np.count_nonzero(stopped) < SHELF or np.count_nonzero(stopped.any((1, 2))) < 2:
         stopped, top = frames > 1.0 - 0.5 / circuit.full_scale, 1.0
-    return float(top), int(np.count_nonzero(stopped))
+    return float(top), stopped.any((1, 2))
 
 
-def _the_cautious(frames, circuit: Circuit, rest: Rest, sharp: Solution, end: float) -> Solution:
+def _the_cautious(frames, sharp: Solution, *given) -> Solution:
     """Return what is found with soft rims supposed, if it contradicts what is found without."""
-    soft = _solve_frames(frames, circuit, rest, sharp.off, SOFT, end)
+    soft = _solve_frames(frames, sharp.off, SOFT, *given)
     if soft is None:
         return sharp
     # of two estimates of which one uses all that the other does (Hausman)
     variance = np.maximum(np.square(soft.std) - np.square(sharp.std), (0.3 * soft.std) ** 2)
     differ = np.abs(soft.off - sharp.off) > CONTRADICTION * np.sqrt(variance)
-    return soft if differ.any() else sharp
+    return soft if differ[:2].any() else sharp
 
 
 class Solution(NamedTuple):
     """What frames say together.
 
     Attributes:
-        off: (2,) of `names` from what was supposed [ohm].
-        information: (2, 2) of the frames, and of what was supposed before [1/ohm^2].
-        std, frames: (2,) [ohm], and how many of them say anything.
+        off: (2 + k,) of `names` from what was supposed [ohm], and (k,) bends of the ADC.
+        information: (2 + k, 2 + k) of the frames, and of what was supposed before [1/ohm^2].
+        std, frames: (2 + k,) [ohm], and how many of them say anything.
     """
 
     off: np.ndarray
@@ -131,15 +151,17 @@ class Solution(NamedTuple):
     frames: int
 
     @classmethod
-    def of(cls, found: list[Evidence], at, circuit: Circuit, rest: Rest, supposed: Supposed):
+    def of(
+        cls, found: list[Evidence], at, circuit: Circuit, rest: Rest, supposed: Supposed, adc=None
+    ):
         """Solve for what explains all frames best, to first order.
 
         Args:
-            at: (n, 2) ohm added to the circuit's, at which each was asked.
+            at: (n, 2 + k) ohm added to the circuit's, at which each was asked.
             circuit: as it was supposed before the frames.
             supposed: with which the last was asked.
         """
-        information = sum(e.information for e in found) + prior_of(circuit)
+        information = sum(e.information for e in found) + prior_of(circuit, adc)
         pull = sum(e.score + e.information @ a for e, a in zip(found, at, strict=True))
         off = _bounded(np.linalg.solve(information, pull), information, circuit)
         here = [
@@ -151,18 +173,22 @@ class Solution(NamedTuple):
 
 
 def _solve_frames(
-    frames, circuit: Circuit, rest: Rest, off, hard: float, end: float
+    frames, off, hard: float, circuit: Circuit, rest: Rest, adc: Adc, end: float
 ) -> Solution | None:
     """Return what all frames say together, from `off` on; None: fewer than `FEWEST` do."""
     noise, rounds = max(rest.noise, ROUNDING_NOISE), []
+    if off[2:].size:
+        noise = float(np.hypot(noise, BETWEEN * circuit.full_scale))
     for _ in range(_ROUNDS):
-        now = shifted(circuit, off)
-        supposed = Supposed(now, supposing(rest, now).conductance, hard, exact=True, end=end)
-        each = (supposed.evidence(adc, noise) for adc in frames)
+        now, here = shifted(circuit, off[:2]), adc.straight(np.append(rest.adc, end), off[2:])
+        untouched, top = replace(rest, adc=here[:-1].reshape(circuit.shape)), float(here[-1])
+        conductance = supposing(untouched, now).conductance
+        supposed = Supposed(now, conductance, hard, exact=True, end=top, adc=adc)
+        each = (supposed.evidence(adc.straight(frame, off[2:]), noise) for frame in frames)
         found = [evidence for evidence in each if evidence is not None]
         if len(found) < FEWEST:
             return None
-        solution = Solution.of(found, [off] * len(found), circuit, rest, supposed)
+        solution = Solution.of(found, [off] * len(found), circuit, rest, supposed, adc)
         moved = np.abs((solution.off - off) * np.sqrt(solution.information.diagonal())).max()
         off = solution.off
         rounds.append(off)
@@ -185,10 +211,14 @@ def values(circuit: Circuit) -> tuple[float, float]:
     return one, other
 
 
-def prior_of(circuit: Circuit) -> np.ndarray:
-    """(2, 2) precision of what is supposed [1/ohm^2]."""
+def prior_of(circuit: Circuit, adc: Adc | None = None) -> np.ndarray:
+    """(2 + k, 2 + k) precision of what is supposed [1/ohm^2], and of an ADC's bends."""
     r_par, other = (_PRIOR[name] for name in names(circuit))
-    return np.diag([(r_par * series_scale(circuit)) ** -2, other**-2])
+    bends = [BENT] * len(adc.bends(np.zeros(1))) if adc else []
+    r_par *= series_scale(circuit)
+    if bends:  # what its gain reads as
+        r_par = np.hypot(r_par, BENT * circuit.r_ref)
+    return np.diag([r_par**-2.0, other**-2.0, *np.square(bends) ** -1.0])
 
 
 def told_below(circuit: Circuit) -> np.ndarray:
@@ -207,14 +237,20 @@ def without_r_par(circuit: Circuit) -> np.ndarray:
 
 
 def _bounded(off: np.ndarray, information: np.ndarray, circuit: Circuit) -> np.ndarray:
-    """(2,) ohm more that explain the frames best with neither resistance below 0."""
+    """(2 + k,) more that explain the frames best with neither resistance below 0."""
     least = -np.array([np.min(getattr(circuit, name)) for name in names(circuit)])
     for k in (1, 0):
         if off[k] < least[k]:
-            follows = information[1 - k, k] / information[1 - k, 1 - k]
-            other = off[1 - k] + follows * (off[k] - least[k])
-            off = np.array([other, least[k]] if k else [least[k], other])
-    return np.maximum(off, least)
+            off = _held(off, information, np.arange(len(off)) == k, least[k])
+    return np.append(np.maximum(off[:2], least), off[2:])
+
+
+def _held(off: np.ndarray, information: np.ndarray, held: np.ndarray, at: float) -> np.ndarray:
+    """Return (m,) off with those that are held `at`, and the others as they then explain most."""
+    free, found = ~held, np.where(held, at, off)
+    pull = information[np.ix_(free, held)] @ (off - found)[held]
+    found[free] += np.linalg.solve(information[np.ix_(free, free)], pull)
+    return found
 
 
 def shifted(circuit: Circuit, off: np.ndarray) -> Circuit:
@@ -226,14 +262,14 @@ def shifted(circuit: Circuit, off: np.ndarray) -> Circuit:
 def std_of(
     found: list[Evidence], information: np.ndarray, rest: Rest, supposed: Supposed
 ) -> np.ndarray:
-    """(2,) [ohm]: by how much the frames' scores differ.
+    """(2 + k,) [ohm]: by how much the frames' scores differ.
 
     With n frames that is known to a share of (2 n)^-0.5 only, so what noise and the model's error
     are supposed to leave counts as `FEWEST` frames more. All share one measurement of the rest,
     whose noise no scatter between them shows, and what was supposed before.
 
     Args:
-        information: (2, 2) of the frames, and of what was supposed before.
+        information: (2 + k, 2 + k) of the frames, and of what was supposed before.
     """
     scores = np.array([e.score for e in found])
     n = len(scores)
@@ -243,8 +279,8 @@ def std_of(
     spread = (spread + FEWEST * max(chi, 1.0) * of_frames) / (n - 1 + FEWEST)
     noise = rest.noise / rest.frames**0.5
     by_rest = np.sum([e.by_rest for e in found], axis=0)
-    shared = supposed.by_reading(by_rest) * noise  # (2, readings)
-    unknown = _unknown_rest(rest, supposed) * by_rest.reshape(2, -1)
+    shared = supposed.by_reading(by_rest) * noise  # (2 + k, readings)
+    unknown = _unknown_rest(rest, supposed) * by_rest.reshape(len(by_rest), -1)
     spread += shared @ shared.T + unknown @ unknown.T + information - of_frames
     inverse = np.linalg.inv(information)
     return np.sqrt((inverse @ spread @ inverse).diagonal())
@@ -263,6 +299,8 @@ def _unknown_rest(rest: Rest, supposed: Supposed) -> np.ndarray:
 def reads_alike(supposed: Circuit, found: Identified) -> str:
     """Return what else than the r_par that was found explains the frames; "": it is as supposed."""
     value, given, std = found.circuit.r_par, supposed.r_par, found.std["r_par"]
+    if len(found.bent):  # a chip's own gain reads so, too
+        std = np.hypot(std, BENT * supposed.r_ref)
     relevant = max(CONTRADICTION * std, RELEVANT * series_scale(supposed))
     if not found.told["r_par"] or abs(value - given) <= relevant:
         return ""
@@ -275,19 +313,19 @@ def reads_alike(supposed: Circuit, found: Identified) -> str:
     )
 
 
-def _identified(circuit: Circuit, solution: Solution, ended: int) -> Identified:
-    """Return what was identified, in numbers and words; `ended` readings are at the ADC's end."""
+def _identified(circuit: Circuit, solution: Solution, touches: np.ndarray) -> Identified:
+    """Return what was identified by (n, rows, cols) touches, in numbers and words."""
     off, information, std, frames = solution
+    std, bends = std[:2], np.zeros(len(off) - 2, bool)
     told = std < told_below(circuit)
-    there = series_scale(shifted(circuit, off))
+    there = series_scale(shifted(circuit, off[:2]))
     told[0] |= abs(off[0]) > max(BEYOND * std[0], _FAR * there)
     readout = circuit.readout_class
     if ideal := not (readout.knows_r_line or readout.knows_r_drive):
         told[1] = False
     # What is not told stays as it was supposed, and the other is what then explains the frames.
-    follows = information[:, ::-1].diagonal() / information.diagonal()
-    off = np.where(told, off + follows * np.where(told, 0.0, off)[::-1], 0.0)
-    found = shifted(circuit, off)
+    off = _held(off, information, np.append(~told, bends), 0.0)
+    found = shifted(circuit, off[:2])
     both = names(circuit)
     missing = tuple(n for n, yes in zip(both, told | [False, ideal], strict=True) if not yes)
     words = [
@@ -299,19 +337,13 @@ def _identified(circuit: Circuit, solution: Solution, ended: int) -> Identified:
         words.append(f"the frames do not tell {' and '.join(missing)}")
     if ideal:
         words.append(f"r_line is taken as 0 if {circuit.readout}")
-    message = f"{', '.join(words)} ({frames} frames tell something)"
-    if ended:
-        message += (
-            f"; {ended} readings are at the converter's end and were left out: press less hard, "
-            "with more than a fingertip, or use a smaller r_ref"
-        )
-    elif missing:
-        message += ": press hard in more places, with more than a fingertip"
     return Identified(
         found,
+        off[2:],
         dict(zip(both, std.tolist(), strict=True)),
         dict(zip(both, told.tolist(), strict=True)),
         missing,
         frames,
-        message,
+        f"{', '.join(words)} ({frames} frames tell something)",
+        how_to_press(touches, circuit) if missing else "",
     )

@@ -240,7 +240,8 @@ def from_files(skin: SkinConfig, files: dict, loads: list[tuple[str, str]]) -> G
         at, force = read_reference(files["reference"])
         if at[-1] < times[0] - MAX_LAG or at[0] > times[-1] + MAX_LAG:  # clocks of their own
             at, times = at - at[0], times - times[0]
-        fitted, late = fit_reference(frames, times, force, at, guide.circuit, guide.rest)
+        frames = guide.straight(frames)
+        fitted, late = fit_reference(frames, times, force, at, guide.circuit, guide.at_rest)
         guide.fitted = fitted
         if fitted.creep.share:
             guide.creep = fitted.creep
@@ -251,8 +252,10 @@ def from_files(skin: SkinConfig, files: dict, loads: list[tuple[str, str]]) -> G
     if "creep" in files:
         frames, times = source.stream(files["creep"])
         curve = guide.fitted.curve if guide.fitted else skin.curve
-        at_rest = supposing(guide.rest, guide.circuit)
-        creep = guide.creep = measure_creep(frames, times, guide.circuit, at_rest, curve)
+        at_rest = supposing(guide.at_rest, guide.circuit)
+        creep = guide.creep = measure_creep(
+            guide.straight(frames), times, guide.circuit, at_rest, curve
+        )
         print(f"  a standing load gains {creep.share:.1%} in a decade of time")
     return guide
 

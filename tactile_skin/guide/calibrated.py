@@ -7,6 +7,8 @@ import datetime
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from .. import __version__
 from ..calibration.creep import as_it_comes
 from ..calibration.identify import names, values
@@ -40,6 +42,8 @@ def write(path: Path, source: Path | None, guide: Guide, skin: SkinConfig) -> No
         if guide.found.told["r_par"] or guide.fitted:
             circuit["r_par_std"] = float(f"{guide.found.std['r_par']:.2g}")
         circuit[names(guide.circuit)[1]] = round(values(guide.circuit)[1], 1)
+        if len(guide.found.bent):
+            circuit["adc_table"] = np.asarray(guide.adc.table).round(5).ravel().tolist()
         notes.append(guide.found.message)
     changes = {"circuit": circuit}
     creep = guide.creep or skin.creep
@@ -64,7 +68,7 @@ def write(path: Path, source: Path | None, guide: Guide, skin: SkinConfig) -> No
 
 def known_of(skin: SkinConfig) -> dict[str, Any]:
     """Return what a guide is to know of a skin besides its circuit."""
-    return {"pitch": skin.geometry.pitch, "known": skin.proof}
+    return {"pitch": skin.geometry.pitch, "known": skin.proof, "adc": skin.adc}
 
 
 def entries_of(proof: Proof) -> dict:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,12 +18,12 @@ from ..calibration.curve_fit import FittedCurve, fit_curve
 from ..calibration.identify import Identified, identify, reads_alike
 from ..calibration.rest import Rest, measure_rest, supposing
 from ..calibration.touched import MOVED, stands_anew
-from ..health.doctor import other_readout
-from ..health.doctor.advice import HARDEST
+from ..physics.adc import Adc
 from ..physics.circuit import Circuit
 from ..physics.creep import Creep
 from ..physics.proof import NOTHING, Proof
 from ..solvers import compensate
+from .sent import check_readout
 from .weight import concluded, newtons
 
 REST = 3.0  # s that the skin rests
@@ -69,6 +70,7 @@ class Guide:
         *,
         pitch: float = _PITCH,
         known: Proof = _NOTHING,
+        adc: Adc | None = None,
         today: Callable[[], datetime.date] = datetime.date.today,
     ):
         """Prepare the guided steps.
@@ -77,12 +79,14 @@ class Guide:
             circuit: as it is configured.
             pitch: of the cells [m].
             known: what has proved the configured scale.
+            adc: that reads the frames; None: a linear one.
             count_down: before a measurement; recorded frames need none.
             show: takes the force (rows, cols) [N] of what was weighed last.
         """
         self.supposed, self.frames, self.ask, self.say = circuit, frames, ask, say
         self._count_down, self._show = count_down, show
         self.pitch, self.known, self._today = pitch, known, today
+        self._adc = adc or Adc(circuit)
         self.touches: list[np.ndarray] = []
         self.rest: Rest  # the untouched skin, once it is measured
         self.found: Identified | None = None  # as fitted and creep: what was learnt, None before
@@ -95,6 +99,21 @@ class Guide:
     def circuit(self) -> Circuit:
         """What the configuration says, then what the touches tell."""
         return self.found.circuit if self.found else self.supposed
+
+    @property
+    def adc(self) -> Adc:
+        """The converter as configured, then as the touches tell."""
+        return self._adc.bent(self.found.bent) if self.found else self._adc
+
+    def straight(self, frames) -> np.ndarray:
+        """Return (..., rows, cols) ADC ratio by what the touches tell of the converter."""
+        frames = np.asarray(frames)
+        return self._adc.straight(frames, self.found.bent) if self.found else frames
+
+    @property
+    def at_rest(self) -> Rest:
+        """The rest by the same."""
+        return replace(self.rest, adc=self.straight(self.rest.adc))
 
     def run(self) -> None:
         from .creep import find_creep  # here: it leads a Guide
@@ -162,21 +181,24 @@ class Guide:
             "2 of 3. Press here and there, near the edges too: hard, with a knuckle, a\n  palm, "
             f"both hands. Hold each touch for a moment. {2 * _EVERY} to {TOUCHES} of them count."
         )
-        touches = self.touches
+        touches, telling = self.touches, [0, 0]  # frames that tell something, each time
         most = max(TOUCHES, len(touches) + 2 * _EVERY)
         for _ in self.presses():
             if len(touches) % _EVERY:
                 self.say(f"  touch {len(touches)}")
                 continue
-            self.found = identify(touches, self.supposed, self.rest)
+            self.found = identify(touches, self.supposed, self.rest, adc=self._adc)
             if not any(self.found.told.values()):
                 self._check_readout(touches)
-            self.say(f"  touch {len(touches)}: {self.found.message}")
-            if len(touches) >= (most if self.found.missing else 2 * _EVERY):
+            self.say(f"  touch {len(touches)}")
+            telling.append(self.found.frames)
+            enough = not self.found.missing or telling[-1] <= telling[-3]  # more tell no more
+            if (enough and len(touches) >= 2 * _EVERY) or len(touches) >= most:
                 break
         if len(touches) % _EVERY:
-            self.found = identify(touches, self.supposed, self.rest)
-            self.say(f"  {self.found.message}")
+            self.found = identify(touches, self.supposed, self.rest, adc=self._adc)
+        if self.found:
+            self.say(": ".join(filter(None, ("  " + self.found.message, self.found.advice))))
         if self.found and (alike := reads_alike(self.supposed, self.found)):
             self.say(f"  {alike}")
         self._check_readout(touches)
@@ -209,18 +231,9 @@ class Guide:
         self.say(f"  no new touch for {PATIENCE:.0f} s")
 
     def _check_readout(self, touches: list[np.ndarray]) -> None:
-        """ValueError: they are those of another readout than the configured one.
-
-        Where something else explains them as well it is only said.
-        """
-        hardest = sorted(touches, key=lambda touch: -np.nanmax(touch))[:HARDEST]
-        at_rest = self.rest.quiet(self.rest.adc[None])[0]
-        found = other_readout(self.circuit, at_rest, self.rest.noise, np.array(hardest))
-        if found and found.change:
-            raise ValueError(str(found))
-        if found:
+        if words := check_readout(self.circuit, self.at_rest, self.straight(touches)):
             self.unfit = "the touches do not fit the circuit"
-            self.say(f"  {found}")
+            self.say(f"  {words}")
 
     def _new_touch(self) -> tuple[np.ndarray | None, str]:
         """Return the mean frame of a new touch that stands, or None and why there is none."""
@@ -318,7 +331,7 @@ class Guide:
             self.fitted = None
         elif self.fitted:
             used = np.delete(weights, self.fitted.odd)
-            self.prove(frames, used, lambda *by: fit_curve(np.array(frames), weights, *by))
+            self.prove(frames, used, lambda *by: self._by_weights(frames, weights, *by))
         elif len(weights) < LEAST_OBJECTS:
             self.say(f"  {len(weights)} objects: the curve stays that of the configuration.")
         return True
@@ -341,7 +354,8 @@ class Guide:
     def prove(self, frames, loads, refit: proving.Refit) -> None:
         """Say whether loads prove the fitted curve; arguments as of `proving.by_weights`."""
         assert self.fitted is not None
-        by = self.circuit, self.rest, frames, loads, self.touches, self.pitch
+        given = self.straight(frames), loads, [*self.straight(self.touches)]
+        by = self.circuit, self.at_rest, *given, self.pitch
         error, why = proving.by_weights(self.fitted, refit, *by)
         self.conclude(error, self.unfit or why, loads)
 
@@ -351,19 +365,21 @@ class Guide:
         self.say(words)
 
     def _learn_by(self, frames: list[np.ndarray]) -> bool:
-        """Whether objects tell r_par, with the touches, where these did not."""
+        """Ask the objects, too, where the touches do not tell r_par; whether they were asked."""
         if self.found is None or self.found.told["r_par"]:
             return False
-        found = identify([*self.touches, *frames], self.supposed, self.rest)
-        if found.told["r_par"]:
-            self.found = found
-            self.say(f"  With the objects: {found.message}")
-        return found.told["r_par"]
+        self.found = identify([*self.touches, *frames], self.supposed, self.rest, adc=self._adc)
+        if self.found.told["r_par"]:
+            self.say(f"  With the objects: {self.found.message}")
+        return True
+
+    def _by_weights(self, frames, weights, circuit: Circuit, rest: Rest) -> FittedCurve:
+        return fit_curve(self.straight(frames), weights, circuit, rest, ends=self.adc.range)
 
     def _fit(self, frames: list[np.ndarray], weights: list[float]) -> None:
-        rest = supposing(self.rest, self.circuit)
+        rest = supposing(self.at_rest, self.circuit)
         try:
-            fitted = fit_curve(np.array(frames), np.array(weights), self.circuit, rest)
+            fitted = self._by_weights(frames, weights, self.circuit, rest)
         except ValueError as error:
             self.say(f"  {error}")
             return
@@ -373,7 +389,7 @@ class Guide:
         usual = float(np.median(rest.conductance[cells]))  # S
         at_rest = 1.0 / np.where(cells, rest.conductance, usual)
         curve = fitted.curve.resting_at(at_rest)
-        found = compensate(frames[-1], self.circuit, curve, "map", missing=True)
+        found = compensate(self.straight(frames[-1]), self.circuit, curve, "map", missing=True)
         self._show(found.force)
         self.say(f"  felt: {found.force.sum():.1f} N of {weights[-1]:.1f} N")
 

@@ -24,9 +24,9 @@ def find_creep(guide: Guide) -> bool:
     )
     if word.strip() != "p" or not guide.fitted:
         return word.strip() not in BACK
-    frames = guide.frames(PRESSES)
+    frames = guide.straight(guide.frames(PRESSES))
     times = np.arange(len(frames)) * PRESSES / max(len(frames), 1)
-    rest = supposing(guide.rest, guide.circuit)
+    rest = supposing(guide.at_rest, guide.circuit)
     try:
         creep = creep_of_presses(frames, times, guide.circuit, rest, guide.fitted.curve)
     except ValueError as error:

@@ -7,10 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..calibration.identify import how_to_press
 from ..calibration.rest import Rest
 from ..findings.finding import Finding
 from ..health.doctor.recorded import FEW_TOUCHES, Recorded, record
-from ..health.doctor.series import shows
+from ..health.doctor.series import shows, touches_of
 from ..physics.circuit import Circuit
 
 # Share of what a short circuit reads that hard presses exceed on every board that was seen: of one
@@ -55,8 +56,8 @@ def _unseen(seen: Recorded) -> str:
         words.append("a wrong readout, r_par or scale: each reading is of its own cell alone")
     elif not shows(seen, series):
         words.append(
-            f"a wrong {series}, r_ref or supply: these touches say too little of it, press hard in "
-            "more places, with more than a fingertip"
+            f"a wrong {series}, r_ref or supply: these touches say too little of it, "
+            f"{how_to_press(touches_of(seen), seen.circuit)}"
         )
     if not readout.two_terminal:
         words.append("a wrong r_ref, which reads like another fabric")

@@ -6,9 +6,12 @@ from __future__ import annotations
 import numpy as np
 
 from ..calibration.at_rest import open_up_to
-from ..calibration.rest import HALF_STEP, check_all_is_sent
+from ..calibration.rest import HALF_STEP, Rest, check_all_is_sent
+from ..health.doctor import other_readout
+from ..health.doctor.advice import HARDEST
 from ..health.doctor.usable import DECIMALS
 from ..middleware.config import SkinConfig
+from ..physics.circuit import Circuit
 from ..readings.processed import Done, processed
 
 GLANCE = 0.5  # s of frames that show it
@@ -41,3 +44,16 @@ def check_sent(skin: SkinConfig, rest: np.ndarray, touches: np.ndarray | None = 
             "ADC reads; of a sheet that is open, begin its curve so: curve.resistance: "
             "[10000000.0, ...]"
         )
+
+
+def check_readout(circuit: Circuit, rest: Rest, touches: np.ndarray) -> str:
+    """Return what explains touches (n, rows, cols) as well as the readout, or better; "": nothing.
+
+    Raises:
+        ValueError: they are those of another readout than the configured one.
+    """
+    hardest = np.array(sorted(touches, key=lambda touch: -np.nanmax(touch))[:HARDEST])
+    found = other_readout(circuit, rest.quiet(rest.adc[None])[0], rest.noise, hardest)
+    if found and found.change:
+        raise ValueError(str(found))
+    return str(found) if found else ""

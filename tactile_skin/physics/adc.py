@@ -10,7 +10,7 @@ supply from the line that is driven through it. This is the one place that knows
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -34,6 +34,8 @@ _DIODE_ROUNDS = 12  # of a fixed point that gains two digits each
 # Tables that are shipped, name -> file: readings of _TABLE_BITS bits, their shares of the supply.
 TABLES = {p.stem: p for p in sorted((Path(__file__).parent / "adc_tables").glob("*.csv"))}
 _TABLE_BITS = 12
+# Shares of the supply, RMS, by which chips are off a shipped table, and off it once it is bent
+BENT, BETWEEN = 0.015, 0.0008
 _MIDDLE = np.array([0.25, 0.75])  # of the range: between them a table's slope is taken as the usual
 
 
@@ -55,6 +57,7 @@ class Adc:
         supply: of the divider [V]; only a diode needs it.
         table: of an ADC that is not linear: a name of `TABLES`, or (n, 2) readings [ADC steps],
             rising, and the shares of the supply that they stand for, not falling; None: linear.
+        typical: whether the table is that of a typical chip, and this one may be `bent`.
 
     Raises:
         ValueError: a full scale, an offset, a diode or a table that leaves no range, a diode of a
@@ -69,6 +72,7 @@ class Adc:
     diode: float = 0.0
     supply: float = 5.0
     table: str | Floats | None = None
+    typical: bool = field(default=False, init=False)
 
     def __post_init__(self) -> None:
         full = self.full_scale or float(self.circuit.full_scale)
@@ -99,6 +103,7 @@ class Adc:
             if not scanned.any():
                 raise ValueError("scanned: no crossing is read")
             object.__setattr__(self, "scanned", frozen(scanned))
+        object.__setattr__(self, "typical", isinstance(self.table, str) and not self.diode)
         if self.table is not None:
             object.__setattr__(self, "table", _table(self.table, self.circuit.adc_bits))
 
@@ -199,6 +204,38 @@ class Adc:
         low, high = self.range
         ends = high < 1.0 or not self.circuit.has_cross_talk
         return ((ratio <= low) & (low > 0.0)) | ((ratio >= high) & ends)
+
+    def bends(self, ratio: Floats) -> Floats:
+        """Return (k, ...) what ratios are off by, for 1 of each way that this chip may be another.
+
+        A shipped table is a typical chip's: all may read alike too high, and the end, where it is
+        not straight, lie elsewhere. A gain reads as another r_par and fabric. Else k is 0.
+        """
+        if not self.typical:
+            return np.empty((0, *np.shape(ratio)))
+        high = self._share_of(np.asarray(self.table)[[1, -1], 0] - self.offset)
+        knots = [high[0], high.mean(), high[1]]
+        share = 1.0 - ratio if self.inverted else ratio
+        return np.array([np.interp(share, knots, at) for at in ([1, 1, 1], [0, 1, 0], [0, 0, 1])])
+
+    def straight(self, ratio: Floats, bent: Floats) -> Floats:
+        """Return ratios (...) of a chip that is (k,) `bent` as they would be of this one."""
+        if not len(bent):
+            return ratio
+        straight: Floats = np.clip(ratio - np.tensordot(bent, self.bends(ratio), 1), 0.0, 1.0)
+        return straight
+
+    def bent(self, bent: Floats) -> Adc:
+        """Return the converter of a chip that is (k,) bent, with a table of its own."""
+        if not len(bent):
+            return self
+        at = np.asarray(self.table)[:, 0]
+        share = self._share_of(at - self.offset)
+        ratio = self.straight(1.0 - share if self.inverted else share, bent)
+        share = (
+            (1.0 - ratio if self.inverted else ratio) * self.full_scale / self.circuit.full_scale
+        )
+        return replace(self, table=np.stack([at, np.maximum.accumulate(share)], 1))
 
     def _behind_diode(self, share: float | Floats) -> Any:
         """Return what the diode leaves of the supply, as share of it, by what is read behind it.

@@ -17,6 +17,7 @@ from scipy.linalg import lapack
 from scipy.ndimage import binary_dilation
 
 from ..physics import laplacian, lines, readouts
+from ..physics.adc import Adc
 from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
 from .fixed_point import MAX_STEPS, fill, first_guess, iterate
@@ -85,11 +86,11 @@ class Evidence(NamedTuple):
     """What one frame says of the circuit that is supposed.
 
     Attributes:
-        score: (2,) d(-chi^2 / 2) / d(r_par, `Readout.second`) past what the touched cells can take
-            [1/ohm]; 0 where the latter is not modelled.
-        information: (2, 2) of the same [1/ohm^2].
-        by_rest: (2, rows, cols) by how much the score changes with what each cell conducts at rest
-            [1/ohm/S].
+        score: (2 + k,) d(-chi^2 / 2) / d(r_par, `Readout.second`) past what the touched cells can
+            take [1/ohm]; 0 where the latter is not modelled; and by `Adc.bends`.
+        information: (2 + k, 2 + k) of the same [1/ohm^2].
+        by_rest: (2 + k, rows, cols) by how much the score changes with what each cell conducts at
+            rest [1/ohm/S].
         chi2: of the fit.
         count: readings past the unknowns.
     """
@@ -110,6 +111,7 @@ class Supposed:
         exact: whether stripes are taken beyond first order; the time is that of the literal network
             for each frame.
         end: ADC ratio at which the converter ends.
+        adc: whose bends are asked for, too; None: none are.
     """
 
     def __init__(
@@ -120,7 +122,9 @@ class Supposed:
         *,
         exact: bool = False,
         end: float = 1.0,
+        adc: Adc | None = None,
     ):
+        self._adc = adc or Adc(circuit)
         self.circuit, self._hard, self._exact, self._end = circuit, hard, exact, end
         self.rest = rest
         self._cells = np.flatnonzero(circuit.populated).astype(np.int32)
@@ -135,18 +139,19 @@ class Supposed:
         return readouts.solve(self.circuit, self.rest).behind_stripes(np.zeros(self.circuit.shape))
 
     @cached_property
-    def _shifts(self) -> tuple[np.ndarray, np.ndarray]:
-        """(rows, cols) [S/ohm] that resting cells conduct more for an ohm of r_par; of the other.
+    def _shifts(self) -> list[np.ndarray]:
+        """(rows, cols) [S/ohm] that resting cells conduct more for an ohm of r_par; of the others.
 
         So the untouched skin reads what it read.
         """
         resting, other = self._resting, self._resting.by_second
         if other.any():
             other = resting.cells_for(self._cells, -other)
-        return resting.cells_for(self._cells, -resting.by_r_par), other
+        bends = [resting.cells_for(self._cells, -b) for b in self._adc.bends(resting.adc)]
+        return [resting.cells_for(self._cells, -resting.by_r_par), other, *bends]
 
     def by_reading(self, by_rest: np.ndarray) -> np.ndarray:
-        """(2, readings) by how much a score changes with each reading of the rest [1/ohm/ADC step].
+        """(2 + k, readings) change of a score with each reading of the rest [1/ohm/ADC step].
 
         Args:
             by_rest: of `Evidence`, or a sum of them.
@@ -185,7 +190,7 @@ class Supposed:
         expected = at(np.where(touched, g, self.rest)).adc
         width = _CUT_OFF / circuit.full_scale
         # by the model: noise must not choose
-        cut_off = (expected < width) | (expected > self._end - width)
+        cut_off = (expected < self._adc.range[0] + width) | (expected > self._end - width)
         reading = replace(reading, known=reading.known & ~cut_off)
         hardest = 1.0 / (HARDEST * circuit.r_ref)  # S
         most = _FULL * np.count_nonzero((reading.known | reading.capped) & circuit.populated)
@@ -205,16 +210,16 @@ class Supposed:
         trust = np.minimum(1.0, OUTLIER / np.maximum(np.abs(by_no_circuit), 1e-9))
         trust /= max(unexplained, 1.0)  # a frame that is explained badly says little
         weighed = (patterns * trust[:, None]).T
-        by_adc = model.weight * weighed.reshape(2, *g.shape)
+        by_adc = model.weight * weighed.reshape(-1, *g.shape)
         by_rest = [~touched * model.network.pull(b) for b in by_adc]
         score, information = -weighed @ misfit, weighed @ patterns
         chi2 = float(np.square(misfit).sum())
         return Evidence(score, information, np.array(by_rest), chi2, count)
 
     def _patterns(self, model: Linearised, further: np.ndarray) -> list[np.ndarray]:
-        """(rows, cols) d misfit / d r_par, and / d r_line or r_drive [1/ohm]."""
+        """(rows, cols) d misfit / d r_par, and / d r_line or r_drive [1/ohm]; / d each bend."""
         network = model.network
-        changes = [network.by_r_par, network.by_second]
+        changes = [network.by_r_par, network.by_second, *self._adc.bends(network.adc)]
         if further.any():  # it grows with the square of r_line
             more = network.by_r_par * 2.0 * further / np.max(self.circuit.r_line)
             changes[1] = changes[1] + more
@@ -227,17 +232,18 @@ class Supposed:
         """Return what the touched cells cannot take, and the held cells that are touched.
 
         Returns:
-            (readings, 2) `_patterns`, (readings,) misfit, what no circuit takes of it, flat cells.
+            (readings, 2 + k) `_patterns`, (readings,) misfit, what no circuit takes, flat cells.
         """
         jacobian = _jacobian(model, self._cells)
         free = touched.flat[self._cells]
         pictures = (*self._patterns(model, further), model.misfit)
         columns = np.stack([picture.ravel() for picture in pictures], 1)
         columns = np.concatenate([columns, jacobian[:, ~free]], 1)
-        size = np.square(columns[:, 3:]).sum(0)
+        k = len(pictures) - 1
+        size = np.square(columns[:, k + 1 :]).sum(0)
         left = past(columns, jacobian[:, free])
-        patterns, misfit = left[:, :2], left[:, 2]
-        held = past(left[:, 2:], patterns)  # whatever the circuit is
+        patterns, misfit = left[:, :k], left[:, k]
+        held = past(left[:, k:], patterns)  # whatever the circuit is
         by_no_circuit, held = held[:, 0], held[:, 1:]
         spread = np.sqrt(np.maximum(np.square(held).sum(0), _HIDDEN * size))
         more = self._cells[~free][held.T @ by_no_circuit > _Z * spread]

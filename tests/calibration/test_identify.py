@@ -6,11 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.esp32 import SUPPLY, UnknownEsp32
 from support.lab.unknown import Unknown, UnknownDriven
 from support.marks import ci, slow
 from support.weights import bodies
 
 from tactile_skin import Circuit, PressureCurve, forward, identify, measure_rest
+from tactile_skin.calibration.identify import how_to_press
 from tactile_skin.calibration.rest import resting_conductance, supposing
 from tactile_skin.calibration.tare import Tare
 from tactile_skin.calibration.tracker import CircuitTracker
@@ -303,3 +305,23 @@ def test_a_touch_that_moves_is_not_asked(board):
         tracker.offer(0.5 * k, adc, 0.5)
         assert not tracker.ask(PressureCurve(), 0.5)
     assert tracker.values() == {}
+
+
+def test_touches_tell_by_how_much_a_chip_reads_too_high():
+    """Another's reads 40 mV more throughout: within 8 mV; its gain is one with r_par."""
+    board = UnknownEsp32((8, 8), 3, 1000.0, None, offset=0.0, gain=0.0)
+    board.chip._volts = board.chip._volts - 0.04
+    rest = measure_rest(board.at_rest(), board.supposed)
+    touched = board.frames(2.0 * bodies(20, (8, 8), np.random.default_rng(3)))
+    found = identify(touched, board.supposed, rest, adc=board.adc)
+    readings = np.array([400.0, 1200.0, 2400.0])
+    off = board.adc.bent(found.bent).ratio(readings) * SUPPLY
+    off -= np.interp(readings, board.chip._readings, board.chip._volts)
+    assert np.abs(off).max() < 0.008 and found.told["r_par"]
+
+
+def test_pressing_less_hard_is_advised_where_most_touches_end_the_converter():
+    frames = np.full((6, 4, 4), 0.3) + 0.01 * np.random.default_rng(0).random((6, 4, 4))
+    assert how_to_press(frames, Circuit(4, 4)).startswith("press hard in more places")
+    frames[:4, 1, :2] = 0.95
+    assert how_to_press(frames, Circuit(4, 4)).startswith("in 4 of 6 touches readings are at the")

@@ -170,6 +170,16 @@ def test_each_press_that_does_not_count_says_why(done):
     assert said == [moves, light[1], known, known, known]
 
 
+def test_touches_that_tell_nothing_are_not_asked_for_further(done):
+    """After ten it says so once, with what to do; the person may go on."""
+    heard, looks = [], iter(done[0].at_rest(40))
+    guide = Guide(done[0].supposed, None, input, heard.append)
+    guide.rest, guide._new_touch = done[2].rest, lambda: (next(looks), "")
+    guide.identify()
+    assert len(guide.touches) == 10
+    assert sum("do not tell r_par and r_line" in text for text in heard) == 1
+
+
 def test_without_a_curve_enter_ends_after_a_question_only(done):
     guide, asked = copy.copy(done[2]), []
     guide.ask, guide.fitted = lambda text: asked.append(text) or "", None

@@ -3,12 +3,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from support.chain import Chain
+from support.lab.unknown import Unknown
 from support.strangers.sim import fabric, touches
 from tactile_skin import Circuit, forward
-from tactile_skin.physics.adc import TABLES
+from tactile_skin.physics.adc import TABLES, Adc
 
 SUPPLY = 3.3  # V
 # (V, reading of 12 bits) of single chips: github.com/espressif/arduino-esp32, issue 92, with the
@@ -43,6 +46,22 @@ class Chip:
         return np.minimum(readings, LARGEST)
 
 
+class UnknownEsp32(Unknown):
+    """An unknown board whose converter is that of an ESP32; nobody entered its r_par."""
+
+    def __init__(self, shape, seed: int, r_ref: float, of: int | None, **spread):
+        super().__init__(shape, seed)
+        self.supposed = replace(self.supposed, r_ref=r_ref, adc_bits=12)
+        self.matrix.circuit = replace(self.matrix.circuit, r_ref=r_ref, adc_bits=12)
+        spread = {"offset": OFFSET, "gain": GAIN} | spread
+        self.chip = Chip(np.random.default_rng([seed, 7]), of, **spread)
+        self.adc = Adc(self.supposed, table="esp32")
+
+    def sample(self, ratio: np.ndarray) -> np.ndarray:
+        volts = SUPPLY * ratio + NOISE * self._rng.standard_normal(ratio.shape)
+        return np.asarray(self.adc.ratio(self.chip.read(volts)))
+
+
 def frames(circuit: Circuit, seed, of, seconds: float = 90.0, *, offset=OFFSET, gain=GAIN):
     """Return (n, rows, cols) readings of one board, and the forces [N].
 
@@ -67,7 +86,8 @@ def frames(circuit: Circuit, seed, of, seconds: float = 90.0, *, offset=OFFSET, 
 
 def felt(circuit: Circuit, readings, force, adc: dict) -> tuple[np.ndarray, float, dict]:
     """Ratio of felt to true force while touched; share of time in a fault stop; reasons."""
-    parameters = {n: adc for n in ("serial_driver", "compensation")}
+    driver = {name: value for name, value in adc.items() if name.startswith("circuit.")}
+    parameters = {"serial_driver": driver, "compensation": adc}
     parameters |= {"gesture_feature": {"geometry.shape": "plane"}}
     chain = Chain(circuit, "text", parameters)
     total = force.sum((1, 2))
