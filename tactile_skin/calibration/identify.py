@@ -87,7 +87,7 @@ def identify(
         ValueError: another shape, values outside [0, 1], or readings that fit no skin.
     """
     frames, adc = rest.quiet(check_frames(frames, circuit)), adc or Adc(circuit)
-    end, _ = _converter_end(frames, circuit)
+    end, _ = converter_end(frames, circuit)
     bends = np.zeros(len(adc.bends(np.zeros(1))))
     # with an r_par that is far too large no frame of a loaded matrix is explained
     starts = (np.append(start, bends) for start in (np.zeros(2), without_r_par(circuit)))
@@ -104,7 +104,7 @@ def identify(
 
 def how_to_press(frames, circuit: Circuit) -> str:
     """Return how touches may tell more than those of (n, rows, cols) frames do."""
-    ended = int(np.count_nonzero(_converter_end(frames, circuit)[1]))
+    ended = int(np.count_nonzero(converter_end(frames, circuit)[1]))
     if 2 * ended <= len(frames):
         return "press hard in more places, with more than a fingertip"
     return (
@@ -113,7 +113,7 @@ def how_to_press(frames, circuit: Circuit) -> str:
     )
 
 
-def _converter_end(frames, circuit: Circuit) -> tuple[float, np.ndarray]:
+def converter_end(frames, circuit: Circuit) -> tuple[float, np.ndarray]:
     """ADC ratio at which the converter ends, and (n,) bool, frames of which readings are there.
 
     Its full scale, or a lower height at which several readings stop that would differ.

@@ -25,7 +25,7 @@ from ..solvers.evidence import SOFT, Supposed, series_scale
 from ..solvers.reading import ROUNDING_NOISE
 from ..solvers.suspect import BEYOND
 from .curve_fit import FittedCurve
-from .identify import CONTRADICTION, FEWEST, prior_of, std_of
+from .identify import CONTRADICTION, FEWEST, converter_end, prior_of, std_of
 from .rest import Rest, supposing
 
 # Relative standard deviation of the force of one press on real fabric that was calibrated in the
@@ -276,11 +276,18 @@ def doubt(
     for other in _others(used, curve_by, touches, most):
         felt = used.felt(other.read(force), float(force.max())) / PALM
         if felt.min() < LEAST:
+            ended = int(np.count_nonzero(converter_end(np.asarray(touches), used.circuit)[1]))
+            advice = (
+                f"in {ended} of {len(touches)} touches and weights readings are at the "
+                "converter's end: a smaller r_ref reads harder ones"
+                if 2 * ended > len(touches)
+                else "press harder, at more places and with more than a fingertip, or lay heavier "
+                "things on"
+            )
             return (
                 f"r_par may be {other.circuit.r_par:.0f} ohm as well as {r_par:.0f} (or r_ref, "
                 "adc_full_scale or the supply another than entered, which reads the same); then a "
-                f"palm of {PALM:g} N would be felt as {PALM * felt.min():.0f} N: press harder, at "
-                "more places and with more than a fingertip, or lay heavier things on",
+                f"palm of {PALM:g} N would be felt as {PALM * felt.min():.0f} N: {advice}",
                 True,
             )
     return "", False

@@ -266,7 +266,9 @@ class SkinProcess:
     # --- what the nodes here do ---
 
     def _forward(self, topic: str, message: Any) -> None:
-        if threading.current_thread() is not self._thread and not self.why:  # not one of the process
+        if (
+            threading.current_thread() is not self._thread and not self.why
+        ):  # not one of the process
             self._line.say(Published(topic, message))
 
     def _ask(self, kind: type, *what: Any) -> Any:
