@@ -7,6 +7,7 @@ waiting, those that stop the robot among them.
 
 from __future__ import annotations
 
+import concurrent.futures
 import contextlib
 import dataclasses
 import itertools
@@ -279,7 +280,7 @@ class SkinProcess:
         self._line.say(kind(number, *what))
         try:
             return future.result(_PATIENCE)
-        except TimeoutError:
+        except concurrent.futures.TimeoutError:
             raise RuntimeError("its process does not answer") from None
 
     def _call(self, service: str, request: Any, response: Any) -> Any:

