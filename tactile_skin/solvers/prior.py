@@ -13,7 +13,9 @@ import numpy as np
 
 from ..learning import denoiser
 from ..physics import compiled, quadratic
+from ..physics.laplacian import Network
 from ..physics.quadratic import inverse, solve_in_box
+from ..physics.readouts.floating import Floating
 from .reading import Linearised, Reading
 from .suspect import CHI2_LIMIT
 
@@ -151,13 +153,24 @@ class Point:
     """
 
     def __init__(self, reading: Reading, g: np.ndarray, broad: bool):
+        circuit, between = reading.circuit, differences(reading.circuit)
+        self._circuit, self._bounds = circuit, reading.bounds
+        if not (broad or reading.topped.any()) and circuit.readout_class is Floating:
+            found = compiled.point(g, *reading.arrays, between.weight, SPREAD)
+            if found is not None:
+                (log_det, value, self.cost), k, pictures, entries = found
+                rho, misfit, weight, self.gx, self.x, gradient, diagonal, *derived = pictures
+                network = Floating(circuit, g, inverse=Network(log_det, k, rho))
+                self.model = Linearised(g, network, network.adc, misfit, weight)
+                self.prior = Quadratic(value, gradient, diagonal, entries)
+                vars(self).update(zip(("own", "pull", "slope", "alone"), derived, strict=True))
+                return
         self.model = _supposing(reading, reading.linearised(g, reading.fitted_noise))
         self.gx, self.x = pressed(reading, g)
-        self._circuit, self._bounds = reading.circuit, reading.bounds
         if broad:
-            self.prior = level(*force_of(reading, g), reading.circuit.populated)
+            self.prior = level(*force_of(reading, g), circuit.populated)
         else:
-            self.prior = touches(self.x, differences(reading.circuit))
+            self.prior = touches(self.x, between)
         flat = self.model.misfit.ravel()
         self.cost = float(0.5 * (flat @ flat) + self.prior.value)
 

@@ -28,9 +28,15 @@ class Floating(Readout):
     knows_r_line = True
     takes_diodes = True
 
-    def __init__(self, circuit: Circuit, g: Floats, derivatives: bool = True):
+    def __init__(
+        self,
+        circuit: Circuit,
+        g: Floats,
+        derivatives: bool = True,
+        inverse: laplacian.Network | None = None,
+    ):
         if derivatives:
-            self.inverse = laplacian.solve(g)
+            self.inverse = inverse or laplacian.solve(g)
             self.rho = self.inverse.rho
         else:
             self.rho = laplacian.connected_rho(g)
