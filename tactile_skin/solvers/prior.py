@@ -80,8 +80,6 @@ def touches(x: np.ndarray, between: Differences) -> Quadratic:
     Args:
         x: (rows, cols), 0 at rest and where there is no cell.
     """
-    if (found := compiled.touches(x, between.weight, SPREAD)) is not None:
-        return Quadratic(*found)
     value, gradient, diagonal, entries = quadratic.roughness(x, between.weight, SPREAD**2)
     above = x + SPREAD
     value += float(np.log(above / SPREAD).sum())
@@ -143,54 +141,49 @@ def is_level(reading: Reading, g: np.ndarray) -> bool:
 
 
 class Point:
-    """All that follows from one g in a fit.
+    """All that follows from one g in a fit; but for `model`, `prior` and `cost` (rows, cols).
 
     Attributes:
         model: of the frame.
-        gx, x: (rows, cols), `pressed` of g.
+        gx, x: `pressed` of g.
         prior: there.
         cost: in units of 1/2 chi^2.
+        own: d reading / d x of each cell's own, in standard deviations.
+        pull: - d (chi^2 / 2) / d x, for all cells at once in O(lines^3).
+        slope: - d cost / d x.
+        alone: chi^2 that each cell alone would gain, with its slope's sign.
     """
 
     def __init__(self, reading: Reading, g: np.ndarray, broad: bool):
-        circuit, between = reading.circuit, differences(reading.circuit)
-        self._circuit, self._bounds = circuit, reading.bounds
+        circuit, between, found = reading.circuit, differences(reading.circuit), None
+        self._bounds = reading.bounds
         if not (broad or reading.topped.any()) and circuit.readout_class is Floating:
             found = compiled.point(g, *reading.arrays, between.weight, SPREAD)
-            if found is not None:
-                (log_det, value, self.cost), k, pictures, entries = found
-                rho, misfit, weight, self.gx, self.x, gradient, diagonal, *derived = pictures
-                network = Floating(circuit, g, inverse=Network(log_det, k, rho))
-                self.model = Linearised(g, network, network.adc, misfit, weight)
-                self.prior = Quadratic(value, gradient, diagonal, entries)
-                vars(self).update(zip(("own", "pull", "slope", "alone"), derived, strict=True))
-                return
-        self.model = _supposing(reading, reading.linearised(g, reading.fitted_noise))
+        if found is not None:
+            (log_det, value, self.cost), k, pictures, entries = found
+            rho, misfit, weight, self.gx, self.x, gradient, diagonal, *derived = pictures
+            self.own, self.pull, self.slope, self.alone = derived
+            network = Floating(circuit, g, Network(log_det, k, rho))
+            self.model = Linearised(g, network, network.adc, misfit, weight)
+            self.prior = Quadratic(value, gradient, diagonal, entries)
+            return
+        self.model = model = _supposing(reading, reading.linearised(g, reading.fitted_noise))
         self.gx, self.x = pressed(reading, g)
         if broad:
             self.prior = level(*force_of(reading, g), circuit.populated)
         else:
             self.prior = touches(self.x, between)
-        flat = self.model.misfit.ravel()
-        self.cost = float(0.5 * (flat @ flat) + self.prior.value)
+        self.cost = float(0.5 * np.vdot(model.misfit, model.misfit) + self.prior.value)
+        self.own = model.network.own * model.weight * self.gx
+        self.pull = self.gx * model.network.pull(model.weight * model.misfit)
+        self.slope = self.pull - self.prior.gradient
+        self.alone = self.slope * np.abs(self.slope) / (self.curvature + 1e-9)
+        self.alone *= circuit.populated
 
-    @cached_property
-    def own(self) -> np.ndarray:
-        """(rows, cols) d reading / d x of each cell's own, in standard deviations."""
-        own = self.model.network.own * self.model.weight
-        own *= self.gx
-        return own
-
-    @cached_property
+    @property
     def curvature(self) -> np.ndarray:
         """(rows, cols) of the cost over each cell's x, from its own reading and prior alone."""
         return np.square(self.own) + self.prior.diagonal
-
-    @cached_property
-    def pull(self) -> np.ndarray:
-        """- d (chi^2 / 2) / d x (rows, cols), for all cells at once in O(lines^3)."""
-        model = self.model
-        return self.gx * model.network.pull(model.weight * model.misfit)
 
     def stepped(self, cells: np.ndarray, dx: np.ndarray) -> np.ndarray:
         """(rows, cols) g [S] after a step dx of the x of flat cells (n,), within their bounds.
@@ -209,18 +202,6 @@ class Point:
         here, gx = self.model.g.ravel()[cells], self.gx.ravel()[cells]
         low, high = ((bound.ravel()[cells] - here) / gx for bound in self._bounds)
         return low, high
-
-    @cached_property
-    def slope(self) -> np.ndarray:
-        """- d cost / d x (rows, cols)."""
-        return self.pull - self.prior.gradient
-
-    @cached_property
-    def alone(self) -> np.ndarray:
-        """(rows, cols) chi^2 that each cell alone would gain, with its slope's sign."""
-        alone = self.slope * np.abs(self.slope)
-        alone /= self.curvature + 1e-9
-        return alone if self._circuit.mask is None else alone * self._circuit.mask
 
 
 def _supposing(reading: Reading, model: Linearised) -> Linearised:

@@ -59,7 +59,6 @@ _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "solve": (_int, _int, _reals, *3 * [_Out]),
     "hessian_product": (_int, _int, _reals, _reals, _Out),
     "sensitivity": (_int, _int, _reals, _reals, _int, _ints, _int, _ints, _ints, _Out),
-    "touches": (_int, _int, _reals, _reals, _real, *3 * [_Out]),
     "point": (_int, _int, *4 * [_reals], _real, *4 * [_Out]),
     "add_terms": (_int, _int, _int, _ints, _reals, _reals_or_none, _Out),
     "information": (_int, _int, *4 * [_reals], _int, _ints, _Out),
@@ -80,7 +79,6 @@ class Library:
                 function = load(path)[name]
                 function.argtypes = arguments
                 setattr(self, prefix + name, function)
-        self.touches.restype = _real
 
     if TYPE_CHECKING:
 
@@ -161,26 +159,12 @@ def sensitivity(
     return None if library.sensitivity(*given, out) else out
 
 
-def touches(
-    x: Floats, weight: Floats, spread: float
-) -> tuple[float, Floats, Floats, Floats] | None:
-    """Value, gradient, diagonal and entries of prior.touches."""
-    rows, cols = x.shape
-    if library is None or weight.size != 2 * x.size - rows - cols:
-        return None
-    gradient, diagonal, entries = np.zeros(x.shape), np.zeros(x.shape), np.empty(weight.size)
-    cost = library.touches(rows, cols, x, weight, spread, gradient, diagonal, entries)
-    return cost, gradient, diagonal, entries
-
-
 def point(
     g: Floats, reading: Floats, numbers: Floats, weight: Floats, spread: float
 ) -> tuple[Floats, Floats, Floats, Floats] | None:
-    """Return sums, k, eleven pictures and entries off the diagonal, of which prior.Point is made."""
+    """Return sums, k, pictures and entries off the diagonal, of which prior.Point is made."""
     lines = sum(g.shape)
-    if library is None or lines > LINES or reading.shape != (4, *g.shape):
-        return None
-    if weight.size != 2 * g.size - lines or numbers.size != 7:
+    if library is None or lines > 2 * LINES or weight.size != 2 * g.size - lines:
         return None
     found = np.zeros(3), np.zeros((lines, lines)), np.zeros((11, *g.shape)), np.empty(weight.size)
     failed = library.point(*g.shape, g, reading, numbers, weight, spread, *found)

@@ -24,8 +24,8 @@ static inline void add(Logs *logs, double weight, double square)
 }
 
 /* prior.touches; gradient and diagonal come as zeros. Returns the cost. */
-double touches(int rows, int cols, const double *x, const double *weight, double spread,
-               double *gradient, double *diagonal, double *entries)
+static double touches(int rows, int cols, const double *x, const double *weight, double spread,
+                      double *gradient, double *diagonal, double *entries)
 {
     Logs logs = {0.0, 0.0, 1.0};
 
