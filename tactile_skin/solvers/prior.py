@@ -140,6 +140,16 @@ def is_level(reading: Reading, g: np.ndarray) -> bool:
     return bool(apart > _ALIKE * as_any)
 
 
+@lru_cache(maxsize=4)
+def _arrays(reading: Reading) -> tuple[np.ndarray, np.ndarray]:
+    """Return what `compiled.point` takes of a reading that is not topped."""
+    circuit, curve = reading.circuit, reading.curve
+    offset = np.zeros(circuit.shape) if curve.offset is None else curve.offset * circuit.populated
+    divider = circuit.r_ref, circuit.r_ref + circuit.r_par, circuit.full_scale
+    said = reading.threshold, reading.noise, reading.fitted_noise, curve.points[0][1]
+    return np.array([reading.adc, reading.known, reading.capped, offset]), np.array(divider + said)
+
+
 class Point:
     """All that follows from one g in a fit; but for `model`, `prior` and `cost` (rows, cols).
 
@@ -158,7 +168,7 @@ class Point:
         circuit, between, found = reading.circuit, differences(reading.circuit), None
         self._bounds = reading.bounds
         if not (broad or reading.topped.any()) and circuit.readout_class is Floating:
-            found = compiled.point(g, *reading.arrays, between.weight, SPREAD)
+            found = compiled.point(g, *_arrays(reading), between.weight, SPREAD)
         if found is not None:
             (log_det, value, self.cost), k, pictures, entries = found
             rho, misfit, weight, self.gx, self.x, gradient, diagonal, *derived = pictures

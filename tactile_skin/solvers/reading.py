@@ -120,15 +120,6 @@ class Reading:
         left = np.maximum(circuit.ratio(0.0) - self.adc.sum(axis, keepdims=True), least)
         return supposed * np.minimum(left / np.maximum(supposed.sum(axis, keepdims=True), least), 1)
 
-    @cached_property
-    def arrays(self) -> tuple[np.ndarray, np.ndarray]:
-        """What `compiled.point` takes of a reading that is not topped."""
-        circuit, offset = self.circuit, self.curve.offset
-        offset = np.zeros(circuit.shape) if offset is None else offset * circuit.populated
-        divider = circuit.r_ref, circuit.r_ref + circuit.r_par, circuit.full_scale
-        said = self.threshold, self.noise, self.fitted_noise, self.curve.points[0][1]
-        return np.array([self.adc, self.known, self.capped, offset]), np.array(divider + said)
-
     @property
     def n_informative(self) -> int:
         """Number of readings that carry a value or a limit."""
