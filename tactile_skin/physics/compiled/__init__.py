@@ -64,6 +64,7 @@ _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "information": (_int, _int, *4 * [_reals], _int, _ints, _Out),
     "inverse": (_int, _singles, _int, _ints, _Out),
     "solve_in_box": (_int, _singles, *3 * [_reals], *2 * [_Out]),
+    "newton_step": (_int, _int, *5 * [_reals], *4 * [_Out]),
     "fixed_point": (_int, _int, _Out, _int, _ints, *3 * [_reals], *3 * [_real], _int),
 }
 
@@ -215,6 +216,19 @@ def solve_in_box(
     solve = library.solve_in_box if n <= 4 * LINES else library.long_solve_in_box
     failed = solve(n, precision, b, low, high, dx, inside) < 0
     return None if failed else (dx, True, inside.astype(bool))
+
+
+def newton_step(
+    given: Floats, numbers: Floats, g: Floats, rho: Floats, k: Floats, moved: float
+) -> tuple[int, float, float, Floats, Floats] | None:
+    """Return newton._next: how many unknowns, how far it moved, log_det, K, g and rho there."""
+    lines, found = sum(g.shape), np.array([[moved], [0.0]])
+    if library is None or not len(k) == lines <= LINES:
+        return None
+    there, k_there = np.empty((2, *g.shape)), np.zeros((lines, lines))
+    step = library.newton_step if g.size <= 4 * LINES else library.long_newton_step
+    n = step(*g.shape, given, numbers, g, rho, k, *found, there, k_there)
+    return None if n < 0 else (n, *found.ravel().tolist(), k_there, there)
 
 
 def fixed_point(
