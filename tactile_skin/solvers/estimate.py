@@ -138,21 +138,18 @@ def where_unread(reading, model, force: np.ndarray, std: np.ndarray, equations=N
     cells, readings = (np.flatnonzero(a).astype(np.int32) for a in (unread, model.weight))
     if not cells.size:
         return std
-    taken = np.zeros((readings.size, 0), np.float32)
-    if equations is not None:
-        touched = equations.unknowns[~unread.flat[equations.unknowns]]
-        taken = model.jacobian(readings, touched) * g.flat[touched].astype(np.float32)
+    touched = cells[:0] if equations is None else equations.unknowns
+    touched = touched[~unread.flat[touched]]
+    taken = model.jacobian(readings, touched) * g.flat[touched].astype(np.float32)
     known = taken.T @ taken  # and their log g is known to 1
     known.reshape(-1)[:: len(known) + 1] += 1.0
     factor = factor_over(known, np.ones(len(known), bool)) if known.size else None
 
     def chi2(left: np.ndarray) -> np.ndarray:
-        more = 0.0
         if factor is not None:  # a minimum: single precision errs by its square
             shift = lapack.spotrs(factor.T, (left @ taken).T, lower=1, overwrite_b=1)[0].T
-            left = left - shift @ taken.T
-            more = np.einsum("ij,ij->i", shift, shift)
-        return np.einsum("ij,ij->i", left, left) + more
+            left = np.concatenate([left - shift @ taken.T, shift], 1)
+        return np.einsum("ij,ij->i", left, left)
 
     low, high = reading.bounds
     end = np.where(g < np.sqrt(low * high), high, low)

@@ -104,12 +104,7 @@ def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:
 
 
 def _next(reading: Reading, given: np.ndarray, g: np.ndarray, network, moved: float):
-    """Return g, its network, and how far it moved, relative, after a step; None: g is the maximum.
-
-    Args:
-        given: (4, rows, cols) rho that was measured, bounds, and what noise may lift of it at rest.
-        moved: by the last step.
-    """
+    """Return g, its network, and how far it moved, relative, after a step; None: g is the maximum."""
     circuit, (rho_measured, low, high, chance) = reading.circuit, given
     if isinstance(network, Floating):
         numbers = np.array([*_NUMBERS, _ROUNDS * low.min()])
@@ -151,9 +146,7 @@ def _climb(reading: Reading, g, network, step, gradient):
         new *= reading.circuit.populated
         there = readouts.solve(reading.circuit, new)
         change = new - g
-        if (
-            np.abs(change).max() < _ROUNDS * low.min()
-        ):  # so near that rounding would decide
+        if np.abs(change).max() < _ROUNDS * low.min():  # so near that rounding would decide
             break
         climbs = np.vdot(gradient, change)
         if reading.circuit.readout_class.two_terminal and (

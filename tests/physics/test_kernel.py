@@ -245,11 +245,3 @@ def test_the_normal_equations_are_numpys(rng, monkeypatch, shape, share):
     np.testing.assert_allclose(
         np.triu(found), np.triu(plain), rtol=1e-4, atol=1e-5 * plain.max(initial=0.0)
     )
-
-
-def test_what_lies_outside_of_its_arrays_is_left_to_numpy(rng):
-    network, lines = laplacian.solve(np.exp(rng.normal(-8.0, 1.0, (4, 4)))), np.arange(4)
-    row, col = lines.astype(np.int32), (lines + 4).astype(np.int32)
-    for readings, one in ((row + np.int32(13), row), (row, row + np.int32(5))):
-        with pytest.raises(IndexError):
-            laplacian.sensitivity(network.k, np.ones((4, 4)), readings, one, col)

@@ -2,7 +2,7 @@
 """The inner loops of small skins, compiled (the C files here) where setup.py found a compiler.
 
 The modules that have the same in NumPy ask here first: laplacian.py, quadratic.py, kernel.py,
-readouts/floating.py and solvers/prior.py. Each function returns None where NumPy has to do it:
+readouts/floating.py, solvers/prior.py and newton.py. Each function returns None where NumPy has to do it:
 nothing is compiled, the skin is large, or the numbers are singular to rounding.
 Together they make frames at least 1.15 times faster (`python -m benchmarks.kernel`).
 """
@@ -58,7 +58,6 @@ _int, _real = ctypes.c_int, ctypes.c_double
 _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "solve": (_int, _int, _reals, *3 * [_Out]),
     "hessian_product": (_int, _int, _reals, _reals, _Out),
-    "sensitivity": (_int, _int, _reals, _reals, _int, _ints, _int, _ints, _ints, _Out),
     "point": (_int, _int, *4 * [_reals], _real, *4 * [_Out]),
     "add_terms": (_int, _int, _int, _ints, _reals, _reals_or_none, _Out),
     "information": (_int, _int, *4 * [_reals], _int, _ints, _Out),
@@ -146,18 +145,6 @@ def hessian_product(k: Floats, p: Floats) -> Floats | None:
         return None
     out = np.empty(p.shape)
     return None if library.hessian_product(*p.shape, k, p, out) else out
-
-
-def sensitivity(
-    k: Floats, weight: Floats, readings: Ints, one: Ints, other: Ints
-) -> Floats32 | None:
-    """As laplacian.sensitivity."""
-    if library is None or not len(k) == sum(weight.shape) <= LINES or one.size != other.size:
-        return None
-    m, n = readings.size, one.size
-    out = np.empty((m, n), np.float32)
-    given = *weight.shape, k, weight, m, readings, n, one, other
-    return None if library.sensitivity(*given, out) else out
 
 
 def point(
