@@ -134,10 +134,10 @@ def where_unread(reading, model, force: np.ndarray, std: np.ndarray, equations=N
         equations: `prior.NormalEquations` of the fit; None: all cells are at rest, or too many.
     """
     circuit, curve, g = reading.circuit, reading.curve, model.g
-    unread = circuit.populated & ~(reading.known | reading.capped | reading.topped)
-    cells, readings = (np.flatnonzero(a).astype(np.int32) for a in (unread, model.weight))
-    if not cells.size:
+    unread = circuit.populated & ~reading.informative
+    if reading.all_cells_read or not unread.any():
         return std
+    cells, readings = (np.flatnonzero(a).astype(np.int32) for a in (unread, model.weight))
     touched = cells[:0] if equations is None else equations.unknowns
     touched = touched[~unread.flat[touched]]
     taken = model.jacobian(readings, touched) * g.flat[touched].astype(np.float32)

@@ -104,7 +104,7 @@ def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:
 
 
 def _next(reading: Reading, given: np.ndarray, g: np.ndarray, network, moved: float):
-    """Return g, its network, and how far it moved, relative, after a step; None: g is the maximum."""
+    """Return g after a step, its network, and by which share g moved; None: g is the maximum."""
     circuit, (rho_measured, low, high, chance) = reading.circuit, given
     if isinstance(network, Floating):
         numbers = np.array([*_NUMBERS, _ROUNDS * low.min()])

@@ -2,8 +2,8 @@
 """The inner loops of small skins, compiled (the C files here) where setup.py found a compiler.
 
 The modules that have the same in NumPy ask here first: laplacian.py, quadratic.py, kernel.py,
-readouts/floating.py, solvers/prior.py and newton.py. Each function returns None where NumPy has to do it:
-nothing is compiled, the skin is large, or the numbers are singular to rounding.
+readouts/floating.py, solvers/prior.py and newton.py. Each function returns None where NumPy has to
+do it: nothing is compiled, the skin is large, or the numbers are singular to rounding.
 Together they make frames at least 1.15 times faster (`python -m benchmarks.kernel`).
 """
 
