@@ -157,14 +157,11 @@ def where_unread(reading, model, force: np.ndarray, std: np.ndarray, equations=N
     log_g = np.linspace(np.log(low), np.log(high), _TRIED)
     parts = ((np.exp(log_g) - g) / (end - g)).reshape(_TRIED, -1).T
     offs = np.abs(curve.force_at(log_g) - force).reshape(_TRIED, -1).T[cells]
-    misfit = model.misfit.flat[readings]
+    misfit, at = model.misfit.flat[readings], np.arange(g.size).reshape(g.shape)
     before, least = chi2(misfit[None].astype(np.float32)), np.zeros(cells.size)
     for some in np.array_split(np.arange(cells.size), -(-cells.size // _AT_ONCE)):
-        there = np.empty((some.size, readings.size))  # what its end changes
-        for k, cell in enumerate(cells[some]):
-            other = g.copy()
-            other.flat[cell] = end.flat[cell]
-            there[k] = ((reading.model(other) - model.adc) * model.weight).flat[readings]
+        there = np.array([reading.model(np.where(at == cell, end, g)) for cell in cells[some]])
+        there = ((there - model.adc) * model.weight).reshape(some.size, -1)[:, readings]
         # 1 + t d of a change of d, t >= 0; not where there is nothing but rounding
         bend = np.divide(slopes[some], there, out=np.ones_like(there), where=abs(there) > _ROUNDING)
         up = (end > g).flat[cells[some]][:, None]

@@ -38,9 +38,6 @@ _JOIN_SHARE = 0.5
 # another measure than ADC steps. 2 in 1,000 exceed 2, 1 in 10,000 exceeds 2.5.
 _SLACK = 2.2
 _DENSE = 400  # unknowns up to which a Cholesky factor is faster than conjugate gradients
-# Share of its diagonal by which a matrix that is singular to single precision is made regular: near
-# a bound of the curve's range, or where readings do not determine all of the touched cells.
-RIDGE = 1e-5
 # Share of its right side that such a step of a noisy reading leaves: how many steps there are is
 # decided by which cells are at rest.
 _LEFT = 0.1
@@ -108,8 +105,7 @@ def _next(reading: Reading, given: np.ndarray, g: np.ndarray, network, moved: fl
     circuit, (rho_measured, low, high, chance) = reading.circuit, given
     if isinstance(network, Floating):
         numbers = np.array([*_NUMBERS, _ROUNDS * low.min()])
-        inverse = network.inverse
-        found = compiled.newton_step(given, numbers, g, inverse.rho, inverse.k, moved)
+        found = compiled.newton_step(given, numbers, g, *network.inverse[1:], moved)
         if found is not None:
             n, moved, log_det, k, (g, rho) = found
             return (g, Floating(circuit, g, Network(log_det, k, rho)), moved) if n else None

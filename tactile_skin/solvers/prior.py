@@ -187,8 +187,7 @@ class Point:
         self.own = model.network.own * model.weight * self.gx
         self.pull = self.gx * model.network.pull(model.weight * model.misfit)
         self.slope = self.pull - self.prior.gradient
-        self.alone = self.slope * np.abs(self.slope) / (self.curvature + 1e-9)
-        self.alone *= circuit.populated
+        self.alone = circuit.populated * self.slope * np.abs(self.slope) / (self.curvature + 1e-9)
 
     @property
     def curvature(self) -> np.ndarray:

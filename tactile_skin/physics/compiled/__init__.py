@@ -155,8 +155,7 @@ def point(
     if library is None or lines > 2 * LINES or weight.size != 2 * g.size - lines:
         return None
     found = np.zeros(3), np.zeros((lines, lines)), np.zeros((11, *g.shape)), np.empty(weight.size)
-    failed = library.point(*g.shape, g, reading, numbers, weight, spread, *found)
-    return None if failed else found
+    return None if library.point(*g.shape, g, reading, numbers, weight, spread, *found) else found
 
 
 def add_terms(
@@ -206,7 +205,7 @@ def solve_in_box(
 
 
 def newton_step(
-    given: Floats, numbers: Floats, g: Floats, rho: Floats, k: Floats, moved: float
+    given: Floats, numbers: Floats, g: Floats, k: Floats, rho: Floats, moved: float
 ) -> tuple[int, float, float, Floats, Floats] | None:
     """Return newton._next: how many unknowns, how far it moved, log_det, K, g and rho there."""
     lines, found = sum(g.shape), np.array([[moved], [0.0]])
