@@ -18,9 +18,10 @@ import pytest
 from support.implementations import COMPILED
 
 from tactile_skin.physics import compiled, kernel, laplacian, quadratic, readouts
-from tactile_skin.physics.circuit import Circuit
+from tactile_skin.physics.circuit import Circuit, forward
 from tactile_skin.physics.curve import PressureCurve
 from tactile_skin.solvers import prior
+from tactile_skin.solvers.newton import maximise
 from tactile_skin.solvers.reading import Linearised, check_reading
 
 pytestmark = pytest.mark.skipif(COMPILED is None, reason="no compiler was found at installation")
@@ -245,3 +246,13 @@ def test_the_normal_equations_are_numpys(rng, monkeypatch, shape, share):
     np.testing.assert_allclose(
         np.triu(found), np.triu(plain), rtol=1e-4, atol=1e-5 * plain.max(initial=0.0)
     )
+
+
+@pytest.mark.parametrize("shape", SIZES[1:7], ids=str)
+def test_the_exact_inverse_is_numpys(rng, monkeypatch, shape):
+    circuit, curve = Circuit(*shape), PressureCurve()
+    force = 9.0 * rng.random(shape) * (rng.random(shape) < 0.5)
+    reading = check_reading(forward(circuit, curve.resistance(force)), circuit, curve, noise=0.0)
+    found, plain = both(monkeypatch, lambda: maximise(reading, reading.bounds[0]))
+    np.testing.assert_allclose(found[0], plain[0], rtol=1e-6)
+    assert found[1:] == plain[1:]
