@@ -41,4 +41,4 @@ def convolve(
     taps = np.ndarray(shape, np.float32, padded, 0, strides)  # as_strided takes four times as long
     out = layer[:, :-1] @ taps.reshape(-1, rows * wide)
     out += layer[:, -1:]
-    return out.reshape(-1, rows, wide)[:, :, :cols]
+    return np.ascontiguousarray(out.reshape(-1, rows, wide)[:, :, :cols])

@@ -69,20 +69,13 @@ def without_bad_contacts(reading: Reading, fit: Refit, g: np.ndarray) -> Estimat
         if refit.status == "ok":
             force = force_of(left, g)[0]
             bad = any(_bad_line(aside, usable, force, axis) for axis in (0, 1))
-            bad = bad or _moved(aside, usable) or not _explained(left, g)
+            # of readings below a threshold most say nothing, and would make up for a misfit
+            chi = np.square(_misfit(left, g))[left.known].mean()
+            bad = bad or _moved(aside, usable) or not chi <= _CHI
             return None if bad else replace(refit.estimate(), aside=aside)
         if refit.status == "failed" or reading.late():
             return None
     return None
-
-
-def _explained(left: Reading, g: np.ndarray) -> bool:
-    """Whether the readings that carry a value are explained without those set aside.
-
-    Of those below a threshold most say nothing either way, and would make up for a misfit.
-    """
-    off = _misfit(left, g)
-    return bool(np.square(off)[left.known].mean() <= _CHI)
 
 
 def _bad_line(aside: np.ndarray, usable: np.ndarray, force: np.ndarray, axis: int) -> bool:

@@ -12,11 +12,13 @@ from scipy.linalg import lapack
 
 from ..findings.finding import Finding
 from ..physics.circuit import Circuit
+from ..physics.quadratic import factor_over
 
 _TRIED = 17  # conductances that are tried for a cell that was not read, from end to end
 _FAR = 3.0  # standard deviations from which on nothing is likely
 _ROUNDING = 1e-6  # standard deviations of a reading, and a share, that are none
 _SIGNS = np.array([1.0, -1.0])[:, None, None]
+_AT_ONCE = 16  # such cells whose conductances are tried together
 _MOST = 10.0  # standard deviations of log g: e^10 times the conductance, any force
 
 
@@ -132,44 +134,43 @@ def where_unread(reading, model, force: np.ndarray, std: np.ndarray, equations=N
         equations: `prior.NormalEquations` of the fit; None: all cells are at rest, or too many.
     """
     circuit, curve, g = reading.circuit, reading.curve, model.g
-    unread = circuit.populated & ~(reading.known | reading.capped | reading.topped)
-    cells, readings = (np.flatnonzero(a).astype(np.int32) for a in (unread, model.weight))
-    if not cells.size:
+    unread = circuit.populated & ~reading.informative
+    if reading.all_cells_read or not unread.any():
         return std
-    taken = np.zeros((readings.size, 0))
-    if equations is not None:
-        touched = equations.unknowns[~unread.flat[equations.unknowns]]
-        taken = model.jacobian(readings, touched).astype(float) * g.flat[touched]
-    # their log g is known to 1; and what rounding may take of a large sum is given back
-    more = 1.0 + taken.shape[1] * np.finfo(float).eps * np.square(taken).sum()
-    known = taken.T @ taken + more * np.eye(taken.shape[1])
-    factor = lapack.dpotrf(known.T, lower=1, clean=0, overwrite_a=1)[0]
+    cells, readings = (np.flatnonzero(a).astype(np.int32) for a in (unread, model.weight))
+    touched = cells[:0] if equations is None else equations.unknowns
+    touched = touched[~unread.flat[touched]]
+    taken = model.jacobian(readings, touched) * g.flat[touched].astype(np.float32)
+    known = taken.T @ taken  # and their log g is known to 1
+    known.reshape(-1)[:: len(known) + 1] += 1.0
+    factor = factor_over(known, np.ones(len(known), bool)) if known.size else None
 
     def chi2(left: np.ndarray) -> np.ndarray:
-        absorbed = taken.T @ left
-        if absorbed.size:
-            absorbed = lapack.dtrtrs(factor, absorbed, lower=1)[0]
-        return np.square(left).sum(0) - np.square(absorbed).sum(0)
+        if factor is not None:  # a minimum: single precision errs by its square
+            shift = lapack.spotrs(factor.T, (left @ taken).T, lower=1, overwrite_b=1)[0].T
+            left = np.concatenate([left - shift @ taken.T, shift], 1)
+        return np.einsum("ij,ij->i", left, left)
 
     low, high = reading.bounds
     end = np.where(g < np.sqrt(low * high), high, low)
-    slopes = model.jacobian(readings, cells) * (end - g).flat[cells]
+    slopes = (model.jacobian(readings, cells) * (end - g).flat[cells]).T
     log_g = np.linspace(np.log(low), np.log(high), _TRIED)
-    parts = ((np.exp(log_g) - g) / (end - g)).reshape(_TRIED, -1)[:, cells]
-    offs = np.abs(curve.force_at(log_g) - force).reshape(_TRIED, -1)[:, cells]
-    misfit = model.misfit.flat[readings][:, None]
-    before, least = chi2(misfit), np.zeros(cells.size)
-    for k, cell in enumerate(cells):
-        other = g.copy()
-        other.flat[cell] = end.flat[cell]
-        there = ((reading.model(other) - model.adc) * model.weight).flat[readings]  # at its end
+    parts = ((np.exp(log_g) - g) / (end - g)).reshape(_TRIED, -1).T
+    offs = np.abs(curve.force_at(log_g) - force).reshape(_TRIED, -1).T[cells]
+    misfit, at = model.misfit.flat[readings], np.arange(g.size).reshape(g.shape)
+    before, least = chi2(misfit[None].astype(np.float32)), np.zeros(cells.size)
+    for some in np.array_split(np.arange(cells.size), -(-cells.size // _AT_ONCE)):
+        there = np.array([reading.model(np.where(at == cell, end, g)) for cell in cells[some]])
+        there = ((there - model.adc) * model.weight).reshape(some.size, -1)[:, readings]
         # 1 + t d of a change of d, t >= 0; not where there is nothing but rounding
-        bend = np.divide(slopes[:, k], there, out=np.ones(there.size), where=abs(there) > _ROUNDING)
-        up = end.flat[cell] > g.flat[cell]
-        bend = np.clip(bend, 1.0 if up else _ROUNDING, np.inf if up else 1.0)[:, None]
-        change = there[:, None] * bend * parts[:, k] / (1.0 + (bend - 1.0) * parts[:, k])
-        times = np.sqrt(np.maximum(chi2(misfit - change) - before, 1.0))
-        least[k] = np.max(offs[:, k] / times, where=times < _FAR, initial=0.0)
+        bend = np.divide(slopes[some], there, out=np.ones_like(there), where=abs(there) > _ROUNDING)
+        up = (end > g).flat[cells[some]][:, None]
+        bend = np.clip(bend, np.where(up, 1.0, _ROUNDING), np.where(up, np.inf, 1.0))[:, None]
+        part = parts[cells[some], :, None]
+        change = there[:, None] * bend * part / (1.0 + (bend - 1.0) * part)
+        left = (misfit - change).astype(np.float32).reshape(-1, readings.size)
+        times = np.sqrt(np.maximum(chi2(left) - before, 1.0)).reshape(some.size, _TRIED)
+        least[some] = np.max(offs[some] / times, 1, where=times < _FAR, initial=0.0)
     full = curve.max_force
     any_force = np.sqrt(((full - force) ** 3 + force**3) / (3.0 * full))
     std = std.copy()

@@ -21,7 +21,6 @@ from ..physics.adc import Adc
 from ..physics.circuit import Circuit
 from ..physics.curve import PressureCurve
 from .fixed_point import MAX_STEPS, fill, first_guess, iterate
-from .newton import RIDGE
 from .reading import OUTLIER, Linearised, check_reading
 
 # Times its conductance at rest from which on a cell is evidently touched: noise is far below, even
@@ -32,6 +31,9 @@ _EVIDENT = 20.0
 # of fingers held at rest, r_par would be found 1 % too high.
 HARD = 10.0
 SOFT = 2.0
+# Share of its diagonal by which a matrix that is singular to single precision is made regular: near
+# a bound of the curve's range, or where readings do not determine all of the touched cells.
+_RIDGE = 1e-5
 _FULL = 0.75  # share of touched cells from which on too few readings are left to ask
 # Standard deviations by which a cell that is held at rest must want to conduct more to be touched,
 # and how often such cells are sought. Noise must not choose them: a limit on a noisy estimate frees
@@ -71,7 +73,7 @@ def past(columns: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
         jacobian: (readings, n) d model / d x of the unknowns, x = log of a conductance.
     """
     precision = jacobian.T @ jacobian
-    precision.reshape(-1)[:: len(precision) + 1] *= 1.0 + RIDGE
+    precision.reshape(-1)[:: len(precision) + 1] *= 1.0 + _RIDGE
     return columns - jacobian @ solve(precision, jacobian.T @ columns)
 
 

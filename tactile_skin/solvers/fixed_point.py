@@ -81,7 +81,7 @@ def fill(reading: Reading, g: np.ndarray) -> np.ndarray:
         return g
     read = reading.circuit.populated & ~unread
     log = np.where(read, np.log(np.where(read, g, 1.0)), 0.0)
-    count, total = (correlate(a, np.ones((3, 3)), mode="constant") for a in (read * 1.0, log))
+    count, total = correlate(np.array([read, log]), np.ones((1, 3, 3)), mode="constant")
     return np.where(unread & (count > 0.0), np.exp(total / np.maximum(count, 1.0)), g)
 
 

@@ -68,7 +68,7 @@ def map_estimate(reading: Reading, start: Estimate | None = None) -> Estimate:
     warm = warm and not reading.may_fit_two
     # What spoils a frame, as a bad contact, spoils many: the fit without a start then counts.
     bad = warm and start is not None and (start.aside is not None or start.status == "suspect")
-    fit = _fit(reading, first_guess(reading)) if bad or not warm else None
+    fit = _fit(reading, g if start is None else first_guess(reading)) if bad or not warm else None
     if fit is None or (bad and fit.status != "suspect"):
         cold, fit = fit, _fit(reading, g, warm=True)
         if fit.status != "ok" and (cold or not reading.late()):
@@ -270,10 +270,10 @@ def _gauss_newton(reading: Reading, point: Point) -> Step:
     slope, alone = point.slope, point.alone
     gain = max(_JOIN_CHI2, _JOIN_SHARE * max(alone.max(), -alone.min()))
     at_rest = g <= low * BOUND
-    joining = alone[at_rest & (alone >= gain)]
-    if joining.size > _MOST_JOIN:
-        gain = np.partition(joining, -_MOST_JOIN)[-_MOST_JOIN]
-    moves = np.where(at_rest, alone >= gain, (g < high / BOUND) | (slope < 0))
+    joins = at_rest & (alone >= gain)
+    if np.count_nonzero(joins) > _MOST_JOIN:
+        joins &= alone >= np.partition(alone[joins], -_MOST_JOIN)[-_MOST_JOIN]
+    moves = joins | ~at_rest & ((g < high / BOUND) | (slope < 0))
     moves = moves if circuit.mask is None else moves & circuit.mask
     (free,) = moves.ravel().nonzero()
     if not free.size:

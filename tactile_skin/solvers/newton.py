@@ -16,10 +16,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import lapack
 
-from ..physics import laplacian, readouts
-from ..physics.laplacian import INEXACT
+from ..physics import compiled, laplacian, readouts
+from ..physics.laplacian import INEXACT, Network
 from ..physics.quadratic import solve_in_box
 from ..physics.readouts import BOUND
+from ..physics.readouts.floating import Floating
 from .estimate import Estimate
 from .fixed_point import START_STEPS, closed_form, first_guess, iterate, last_guess
 from .reading import NEAR_REST, Reading
@@ -37,14 +38,13 @@ _JOIN_SHARE = 0.5
 # another measure than ADC steps. 2 in 1,000 exceed 2, 1 in 10,000 exceeds 2.5.
 _SLACK = 2.2
 _DENSE = 400  # unknowns up to which a Cholesky factor is faster than conjugate gradients
-# Share of its diagonal by which a matrix that is singular to single precision is made regular: near
-# a bound of the curve's range, or where readings do not determine all of the touched cells.
-RIDGE = 1e-5
 # Share of its right side that such a step of a noisy reading leaves: how many steps there are is
 # decided by which cells are at rest.
 _LEFT = 0.1
 _CURVED = 10.0  # times the square of a step, relative, that the next one may be
 _PAST = 0.1  # of its slope at the begin of a step, that phi may fall with at the end
+_ROUNDS = 1e-2  # times a cell's conductance at rest, below which a step's phi is but rounding
+_NUMBERS = BOUND, _DONE, _CURVED, _JOIN_SHARE, _PAST, _DENSE  # as `compiled.newton_step` takes them
 
 
 def newton(reading: Reading, start: Estimate | None = None) -> Estimate:
@@ -83,45 +83,54 @@ def maximise(reading: Reading, g: np.ndarray) -> tuple[np.ndarray, int, bool]:
     Returns:
         g, the number of steps, whether it converged.
     """
-    circuit = reading.circuit
-    low, high = reading.bounds
-    top = high / BOUND
-    rho_measured = reading.rho
     network = readouts.solve(reading.circuit, g)
     # A cell at rest is left there if noise explains it: else half of them are lifted, in turns.
     noise = reading.noise if reading.noise_given else 0.0
     scale, offset = reading.apparent
-    falls = np.square(rho_measured + offset) / (circuit.r_ref * scale)  # - d rho / d adc
-    chance = _SLACK * noise / circuit.full_scale * falls
-    moved = np.inf
+    falls = np.square(reading.rho + offset) / (reading.circuit.r_ref * scale)  # - d rho / d adc
+    chance = _SLACK * noise / reading.circuit.full_scale * falls
+    given, moved = np.array([reading.rho, *reading.bounds, chance]), np.inf
     for iteration in range(MAX_STEPS):
-        rho = reading.rho_of(network)
-        gradient = rho - rho_measured
-        # A cell on its bound is held there if the gradient pushes outwards.
-        at_rest = g <= low * BOUND
-        held = np.where(at_rest, gradient <= chance, (g >= top) & (gradient >= 0.0))
-        held |= ~circuit.populated
-        gradient[held] = 0.0
-        off = np.abs(gradient) / rho
-        # Steps converge quadratically, but a cell at rest may be missing.
-        if _CURVED * moved**2 < _DONE and (off <= _DONE * g * rho)[at_rest].all():
+        found = _next(reading, given, g, network, moved)
+        if found is None:
             return g, iteration, True
-        held |= at_rest & (off <= _JOIN_SHARE * off.max())
-        (free,) = (~held).ravel().nonzero()
-        if not free.size:
-            return g, iteration, True
-        # rho log(rho / rho_measured) is the gradient to first order, and closer to linear far off
-        pull = rho * np.log(rho / rho_measured)
-        change = _step(reading, network, g, free, pull.ravel()[free])
-        step = np.zeros(g.shape)
-        step.reshape(-1)[free] = change
-        gradient[held] = 0.0
-        new, network = _climb(reading, g, network, step, gradient)
-        moved = np.abs(new.ravel()[free] / g.ravel()[free] - 1.0).max()
-        g = new
+        g, network, moved = found
         if reading.late():
             break
     return g, iteration + 1, False
+
+
+def _next(reading: Reading, given: np.ndarray, g: np.ndarray, network, moved: float):
+    """Return g after a step, its network, and by which share g moved; None: g is the maximum."""
+    circuit, (rho_measured, low, high, chance) = reading.circuit, given
+    if isinstance(network, Floating):
+        numbers = np.array([*_NUMBERS, _ROUNDS * low.min()])
+        found = compiled.newton_step(given, numbers, g, *network.inverse[1:], moved)
+        if found is not None:
+            n, moved, log_det, k, (g, rho) = found
+            return (g, Floating(circuit, g, Network(log_det, k, rho)), moved) if n else None
+    rho = reading.rho_of(network)
+    gradient = rho - rho_measured
+    # A cell on its bound is held there if the gradient pushes outwards.
+    at_rest = g <= low * BOUND
+    held = np.where(at_rest, gradient <= chance, (g >= high / BOUND) & (gradient >= 0.0))
+    held |= ~circuit.populated
+    gradient[held] = 0.0
+    off = np.abs(gradient) / rho
+    # Steps converge quadratically, but a cell at rest may be missing.
+    if _CURVED * moved**2 < _DONE and (off <= _DONE * g * rho)[at_rest].all():
+        return None
+    held |= at_rest & (off <= _JOIN_SHARE * off.max())
+    (free,) = (~held).ravel().nonzero()
+    if not free.size:
+        return None
+    # rho log(rho / rho_measured) is the gradient to first order, and closer to linear far off
+    pull = rho * np.log(rho / rho_measured)
+    step = np.zeros(g.shape)
+    step.reshape(-1)[free] = _step(reading, network, g, free, pull.ravel()[free])
+    gradient[held] = 0.0
+    new, network = _climb(reading, g, network, step, gradient)
+    return new, network, np.abs(new.ravel()[free] / g.ravel()[free] - 1.0).max()
 
 
 def _climb(reading: Reading, g, network, step, gradient):
@@ -133,7 +142,7 @@ def _climb(reading: Reading, g, network, step, gradient):
         new *= reading.circuit.populated
         there = readouts.solve(reading.circuit, new)
         change = new - g
-        if np.abs(change).max() < 1e-2 * low.min():  # so near that phi's own rounding would decide
+        if np.abs(change).max() < _ROUNDS * low.min():  # so near that rounding would decide
             break
         climbs = np.vdot(gradient, change)
         if reading.circuit.readout_class.two_terminal and (

@@ -13,7 +13,9 @@ import numpy as np
 
 from ..learning import denoiser
 from ..physics import compiled, quadratic
+from ..physics.laplacian import Network
 from ..physics.quadratic import inverse, solve_in_box
+from ..physics.readouts.floating import Floating
 from .reading import Linearised, Reading
 from .suspect import CHI2_LIMIT
 
@@ -78,8 +80,6 @@ def touches(x: np.ndarray, between: Differences) -> Quadratic:
     Args:
         x: (rows, cols), 0 at rest and where there is no cell.
     """
-    if (found := compiled.touches(x, between.weight, SPREAD)) is not None:
-        return Quadratic(*found)
     value, gradient, diagonal, entries = quadratic.roughness(x, between.weight, SPREAD**2)
     above = x + SPREAD
     value += float(np.log(above / SPREAD).sum())
@@ -140,44 +140,59 @@ def is_level(reading: Reading, g: np.ndarray) -> bool:
     return bool(apart > _ALIKE * as_any)
 
 
+@lru_cache(maxsize=4)
+def _arrays(reading: Reading) -> tuple[np.ndarray, np.ndarray]:
+    """Return what `compiled.point` takes of a reading that is not topped."""
+    circuit, curve = reading.circuit, reading.curve
+    offset = np.zeros(circuit.shape) if curve.offset is None else curve.offset * circuit.populated
+    divider = circuit.r_ref, circuit.r_ref + circuit.r_par, circuit.full_scale
+    said = reading.threshold, reading.noise, reading.fitted_noise, curve.points[0][1]
+    return np.array([reading.adc, reading.known, reading.capped, offset]), np.array(divider + said)
+
+
 class Point:
-    """All that follows from one g in a fit.
+    """All that follows from one g in a fit; but for `model`, `prior` and `cost` (rows, cols).
 
     Attributes:
         model: of the frame.
-        gx, x: (rows, cols), `pressed` of g.
+        gx, x: `pressed` of g.
         prior: there.
         cost: in units of 1/2 chi^2.
+        own: d reading / d x of each cell's own, in standard deviations.
+        pull: - d (chi^2 / 2) / d x, for all cells at once in O(lines^3).
+        slope: - d cost / d x.
+        alone: chi^2 that each cell alone would gain, with its slope's sign.
     """
 
     def __init__(self, reading: Reading, g: np.ndarray, broad: bool):
-        self.model = _supposing(reading, reading.linearised(g, reading.fitted_noise))
+        circuit, between, found = reading.circuit, differences(reading.circuit), None
+        self._bounds = reading.bounds
+        if not (broad or reading.topped.any()) and circuit.readout_class is Floating:
+            found = compiled.point(g, *_arrays(reading), between.weight, SPREAD)
+        if found is not None:
+            (log_det, value, self.cost), k, pictures, entries = found
+            rho, misfit, weight, self.gx, self.x, gradient, diagonal, *derived = pictures
+            self.own, self.pull, self.slope, self.alone = derived
+            network = Floating(circuit, g, Network(log_det, k, rho))
+            self.model = Linearised(g, network, network.adc, misfit, weight)
+            self.prior = Quadratic(value, gradient, diagonal, entries)
+            return
+        self.model = model = _supposing(reading, reading.linearised(g, reading.fitted_noise))
         self.gx, self.x = pressed(reading, g)
-        self._circuit, self._bounds = reading.circuit, reading.bounds
         if broad:
-            self.prior = level(*force_of(reading, g), reading.circuit.populated)
+            self.prior = level(*force_of(reading, g), circuit.populated)
         else:
-            self.prior = touches(self.x, differences(reading.circuit))
-        flat = self.model.misfit.ravel()
-        self.cost = float(0.5 * (flat @ flat) + self.prior.value)
+            self.prior = touches(self.x, between)
+        self.cost = float(0.5 * np.vdot(model.misfit, model.misfit) + self.prior.value)
+        self.own = model.network.own * model.weight * self.gx
+        self.pull = self.gx * model.network.pull(model.weight * model.misfit)
+        self.slope = self.pull - self.prior.gradient
+        self.alone = circuit.populated * self.slope * np.abs(self.slope) / (self.curvature + 1e-9)
 
-    @cached_property
-    def own(self) -> np.ndarray:
-        """(rows, cols) d reading / d x of each cell's own, in standard deviations."""
-        own = self.model.network.own * self.model.weight
-        own *= self.gx
-        return own
-
-    @cached_property
+    @property
     def curvature(self) -> np.ndarray:
         """(rows, cols) of the cost over each cell's x, from its own reading and prior alone."""
         return np.square(self.own) + self.prior.diagonal
-
-    @cached_property
-    def pull(self) -> np.ndarray:
-        """- d (chi^2 / 2) / d x (rows, cols), for all cells at once in O(lines^3)."""
-        model = self.model
-        return self.gx * model.network.pull(model.weight * model.misfit)
 
     def stepped(self, cells: np.ndarray, dx: np.ndarray) -> np.ndarray:
         """(rows, cols) g [S] after a step dx of the x of flat cells (n,), within their bounds.
@@ -196,18 +211,6 @@ class Point:
         here, gx = self.model.g.ravel()[cells], self.gx.ravel()[cells]
         low, high = ((bound.ravel()[cells] - here) / gx for bound in self._bounds)
         return low, high
-
-    @cached_property
-    def slope(self) -> np.ndarray:
-        """- d cost / d x (rows, cols)."""
-        return self.pull - self.prior.gradient
-
-    @cached_property
-    def alone(self) -> np.ndarray:
-        """(rows, cols) chi^2 that each cell alone would gain, with its slope's sign."""
-        alone = self.slope * np.abs(self.slope)
-        alone /= self.curvature + 1e-9
-        return alone if self._circuit.mask is None else alone * self._circuit.mask
 
 
 def _supposing(reading: Reading, model: Linearised) -> Linearised:

@@ -89,10 +89,6 @@ class Reading:
         return self.all_read or bool((self.known | ~self.circuit.populated).all())
 
     @cached_property
-    def _any_topped(self) -> bool:
-        return bool(self.topped.any())
-
-    @cached_property
     def informative(self) -> np.ndarray:
         """(rows, cols) bool, readings that carry a value or a limit."""
         return self.known if self.all_read else self.known | self.capped | self.topped
@@ -190,7 +186,7 @@ class Reading:
         if self.threshold:
             over = np.minimum((self.threshold - adc) * full_scale - self.noise, 0.0)
             misfit = np.where(self.capped, over, misfit)
-        if self._any_topped:
+        if not self.all_read and self.topped.any():
             under = np.maximum((self.adc - adc) * full_scale + self.noise, 0.0)
             misfit = np.where(self.topped, under, misfit)
         return misfit
@@ -216,7 +212,7 @@ class Reading:
         weight = np.full(g.shape, self.circuit.full_scale / std)
         if not self.all_read:
             says = self.known | (misfit != 0.0)
-            weight *= says | self._holds(network.adc) if self._any_topped else says
+            weight *= says | self._holds(network.adc) if self.topped.any() else says
         return Linearised(g, network, network.adc, misfit, weight)
 
     def _holds(self, adc: np.ndarray) -> np.ndarray:

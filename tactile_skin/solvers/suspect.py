@@ -62,9 +62,8 @@ def by_reading(reading: Reading) -> Finding | None:
         many = np.count_nonzero(low) > _UPSIDE_DOWN * np.count_nonzero(known)
         form = "mostly low" if many else "low"
         return Finding(Kind.MISFIT, form, **at(np.argwhere(bad)[0]), numbers=numbers)
-    most = steps.max()  # of a crossing that was not read 0
-    high = steps > short_circuit + margin
-    if most > short_circuit + margin:
+    if steps.max() > short_circuit + margin:  # of a crossing that was not read 0
+        high = steps > short_circuit + margin
         line, numbers, bad = _place(high, known)
         numbers |= {"most": short_circuit, "r_ref": circuit.r_ref, "r_par": circuit.r_par}
         where = line or at(np.argwhere(bad)[0])
@@ -141,14 +140,13 @@ def saturation(
         return None
     spreads = BEYOND * reading.noise + 1.0
     thick = spreads if thick is None else thick
-    rest = _rest_steps(circuit, reading.curve) * reading.apparent[0]
-    hardest = circuit.ratio(np.max(reading.curve.least_resistance)) * circuit.full_scale
-    # cells at either end read alike
-    if abs(top - rest.max()) <= max(thick, spreads) or top >= hardest:
-        return None
     below = (top - reading.steps)[reading.known]
     count = np.count_nonzero(below < thick)
     if count < fewest or np.count_nonzero(below < _GAP * thick) > (1.0 + _FLAT_OTHERS) * count:
+        return None
+    rest = _rest_steps(circuit, reading.curve) * reading.apparent[0]
+    hardest = circuit.ratio(np.max(reading.curve.least_resistance)) * circuit.full_scale
+    if abs(top - rest.max()) <= max(thick, spreads) or top >= hardest:  # cells there read alike
         return None
     return {"count": count, "steps": top}
 

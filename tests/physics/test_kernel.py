@@ -18,9 +18,11 @@ import pytest
 from support.implementations import COMPILED
 
 from tactile_skin.physics import compiled, kernel, laplacian, quadratic, readouts
-from tactile_skin.physics.circuit import Circuit
+from tactile_skin.physics.circuit import Circuit, forward
+from tactile_skin.physics.curve import PressureCurve
 from tactile_skin.solvers import prior
-from tactile_skin.solvers.reading import Linearised
+from tactile_skin.solvers.newton import maximise
+from tactile_skin.solvers.reading import Linearised, check_reading
 
 pytestmark = pytest.mark.skipif(COMPILED is None, reason="no compiler was found at installation")
 SIZES = [(1, 1), (1, 5), (5, 1), (3, 2), (16, 16), (8, 24), (24, 8), (32, 32), (63, 1)]
@@ -187,14 +189,26 @@ def test_arrays_of_any_order_are_read(rng):
 
 
 @pytest.mark.parametrize("shape", SIZES, ids=str)
-def test_the_prior_is_numpys(rng, monkeypatch, shape):
-    x = np.maximum(rng.normal(1.0, 2.0, shape), 0.0)
-    between = prior.Differences(shape, rng.random(shape) < 0.9)
-    found, plain = both(monkeypatch, lambda: prior.touches(x, between))
-    for one, other in zip(found, plain, strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
+def test_a_point_of_a_fit_is_numpys(rng, monkeypatch, shape):
+    cells = np.ones(shape, bool)
+    cells[0, 0] = min(shape) < 2  # else one is missing
+    circuit, curve = Circuit(*shape, mask=cells), PressureCurve()
+    curve = curve.resting_at(curve.rest_resistance * rng.uniform(0.8, 1.2, shape))
+    adc = np.where(rng.random(shape) < 0.1, np.nan, rng.random(shape))
+    reading = check_reading(adc, circuit, curve, noise=2.0, missing=True, threshold=0.2)
+    g = cells / curve.resistance(rng.random(shape) * (rng.random(shape) < 0.5))
+    found, plain = both(monkeypatch, lambda: vars(prior.Point(reading, g, False)))
+    names = "cost", "gx", "x", "own", "pull", "slope", "alone"
+    pictures = (
+        [*p["model"][2:], *p["prior"], *(p[name] for name in names)] for p in (found, plain)
+    )
+    for one, other in zip(*pictures, strict=True):
+        np.testing.assert_allclose(
+            one, other, rtol=1e-9, atol=1e-9 * np.abs(other).max(initial=1e-9)
+        )
+    between, plain = prior.differences(circuit), plain["prior"]
     free = np.flatnonzero(rng.random(shape) < 0.6)
-    jacobian = rng.standard_normal((x.size, free.size)).astype(np.float32)
+    jacobian = rng.standard_normal((g.size, free.size)).astype(np.float32)
     for terms in (plain, plain._replace(entries=None)):
         one, other = both(
             monkeypatch,
@@ -234,9 +248,10 @@ def test_the_normal_equations_are_numpys(rng, monkeypatch, shape, share):
     )
 
 
-def test_what_lies_outside_of_its_arrays_is_left_to_numpy(rng):
-    network, lines = laplacian.solve(np.exp(rng.normal(-8.0, 1.0, (4, 4)))), np.arange(4)
-    row, col = lines.astype(np.int32), (lines + 4).astype(np.int32)
-    for readings, one in ((row + np.int32(13), row), (row, row + np.int32(5))):
-        with pytest.raises(IndexError):
-            laplacian.sensitivity(network.k, np.ones((4, 4)), readings, one, col)
+@pytest.mark.parametrize("shape", SIZES[1:7], ids=str)
+def test_the_exact_inverse_is_numpys(rng, monkeypatch, shape):
+    circuit, curve = Circuit(*shape), PressureCurve()
+    force = 9.0 * rng.random(shape) * (rng.random(shape) < 0.5)
+    reading = check_reading(forward(circuit, curve.resistance(force)), circuit, curve, noise=0.0)
+    found, plain = both(monkeypatch, lambda: maximise(reading, reading.bounds[0]))
+    np.testing.assert_allclose(np.append(*found[:2]), np.append(*plain[:2]), rtol=1e-6)  # g, steps

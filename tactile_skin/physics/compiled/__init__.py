@@ -2,8 +2,8 @@
 """The inner loops of small skins, compiled (the C files here) where setup.py found a compiler.
 
 The modules that have the same in NumPy ask here first: laplacian.py, quadratic.py, kernel.py,
-readouts/floating.py and solvers/prior.py. Each function returns None where NumPy has to do it:
-nothing is compiled, the skin is large, or the numbers are singular to rounding.
+readouts/floating.py, solvers/prior.py and newton.py. Each function returns None where NumPy has to
+do it: nothing is compiled, the skin is large, or the numbers are singular to rounding.
 Together they make frames at least 1.15 times faster (`python -m benchmarks.kernel`).
 """
 
@@ -58,12 +58,12 @@ _int, _real = ctypes.c_int, ctypes.c_double
 _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "solve": (_int, _int, _reals, *3 * [_Out]),
     "hessian_product": (_int, _int, _reals, _reals, _Out),
-    "sensitivity": (_int, _int, _reals, _reals, _int, _ints, _int, _ints, _ints, _Out),
-    "touches": (_int, _int, _reals, _reals, _real, *3 * [_Out]),
+    "point": (_int, _int, *4 * [_reals], _real, *4 * [_Out]),
     "add_terms": (_int, _int, _int, _ints, _reals, _reals_or_none, _Out),
     "information": (_int, _int, *4 * [_reals], _int, _ints, _Out),
     "inverse": (_int, _singles, _int, _ints, _Out),
     "solve_in_box": (_int, _singles, *3 * [_reals], *2 * [_Out]),
+    "newton_step": (_int, _int, *5 * [_reals], *4 * [_Out]),
     "fixed_point": (_int, _int, _Out, _int, _ints, *3 * [_reals], *3 * [_real], _int),
 }
 
@@ -79,7 +79,6 @@ class Library:
                 function = load(path)[name]
                 function.argtypes = arguments
                 setattr(self, prefix + name, function)
-        self.touches.restype = _real
 
     if TYPE_CHECKING:
 
@@ -148,28 +147,15 @@ def hessian_product(k: Floats, p: Floats) -> Floats | None:
     return None if library.hessian_product(*p.shape, k, p, out) else out
 
 
-def sensitivity(
-    k: Floats, weight: Floats, readings: Ints, one: Ints, other: Ints
-) -> Floats32 | None:
-    """As laplacian.sensitivity."""
-    if library is None or not len(k) == sum(weight.shape) <= LINES or one.size != other.size:
+def point(
+    g: Floats, reading: Floats, numbers: Floats, weight: Floats, spread: float
+) -> tuple[Floats, Floats, Floats, Floats] | None:
+    """Return sums, k, pictures and entries off the diagonal, of which prior.Point is made."""
+    lines = sum(g.shape)
+    if library is None or lines > 2 * LINES or weight.size != 2 * g.size - lines:
         return None
-    m, n = readings.size, one.size
-    out = np.empty((m, n), np.float32)
-    given = *weight.shape, k, weight, m, readings, n, one, other
-    return None if library.sensitivity(*given, out) else out
-
-
-def touches(
-    x: Floats, weight: Floats, spread: float
-) -> tuple[float, Floats, Floats, Floats] | None:
-    """Value, gradient, diagonal and entries of prior.touches."""
-    rows, cols = x.shape
-    if library is None or weight.size != 2 * x.size - rows - cols:
-        return None
-    gradient, diagonal, entries = np.zeros(x.shape), np.zeros(x.shape), np.empty(weight.size)
-    cost = library.touches(rows, cols, x, weight, spread, gradient, diagonal, entries)
-    return cost, gradient, diagonal, entries
+    found = np.zeros(3), np.zeros((lines, lines)), np.zeros((11, *g.shape)), np.empty(weight.size)
+    return None if library.point(*g.shape, g, reading, numbers, weight, spread, *found) else found
 
 
 def add_terms(
@@ -216,6 +202,19 @@ def solve_in_box(
     solve = library.solve_in_box if n <= 4 * LINES else library.long_solve_in_box
     failed = solve(n, precision, b, low, high, dx, inside) < 0
     return None if failed else (dx, True, inside.astype(bool))
+
+
+def newton_step(
+    given: Floats, numbers: Floats, g: Floats, k: Floats, rho: Floats, moved: float
+) -> tuple[int, float, float, Floats, Floats] | None:
+    """Return newton._next: how many unknowns, how far it moved, log_det, K, g and rho there."""
+    lines, found = sum(g.shape), np.array([[moved], [0.0]])
+    if library is None or not len(k) == lines <= LINES:
+        return None
+    there, k_there = np.empty((2, *g.shape)), np.zeros((lines, lines))
+    step = library.newton_step if g.size <= 4 * LINES else library.long_newton_step
+    n = step(*g.shape, given, numbers, g, rho, k, *found, there, k_there)
+    return None if n < 0 else (n, *found.ravel().tolist(), k_there, there)
 
 
 def fixed_point(

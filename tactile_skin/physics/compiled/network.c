@@ -221,37 +221,6 @@ int hessian_product(int rows, int cols, const double *k, const double *p, double
     return 0;
 }
 
-/* weight_a across_ab^2 of m readings and n pairs of lines; -1 also where there are no such. */
-int sensitivity(int rows, int cols, const double *k, const double *weight, int m,
-                const int *readings, int n, const int *one, const int *other, float *restrict out)
-{
-    int lines = rows + cols, failed = 0;
-    float *across = malloc((size_t)lines * n * sizeof *across + 1);
-
-    for (int a = 0; a < m; a++)
-        failed |= readings[a] < 0 || readings[a] >= rows * cols;
-    for (int b = 0; b < n; b++)
-        failed |= one[b] < 0 || one[b] >= lines || other[b] < 0 || other[b] >= lines;
-    if (!across || failed) {
-        free(across);
-        return -1;
-    }
-    for (int l = 0; l < lines; l++)
-        for (int b = 0; b < n; b++)
-            across[(size_t)l * n + b] = (float)(k[l * lines + one[b]] - k[l * lines + other[b]]);
-    for (int a = 0; a < m; a++) {
-        const float *row = across + (size_t)(readings[a] / cols) * n;
-        const float *col = across + (size_t)(rows + readings[a] % cols) * n;
-        float w = (float)weight[readings[a]];
-        for (int b = 0; b < n; b++) {
-            float apart = row[b] - col[b];
-            out[(size_t)a * n + b] = w * (apart * apart);
-        }
-    }
-    free(across);
-    return 0;
-}
-
 /* The (n, n) system s x = b of a positive definite s, both overwritten; rows HISTORY apart. */
 static int solve_small(double *s, double *b, int n)
 {

@@ -28,9 +28,10 @@ class Floating(Readout):
     knows_r_line = True
     takes_diodes = True
 
-    def __init__(self, circuit: Circuit, g: Floats, derivatives: bool = True):
-        if derivatives:
-            self.inverse = laplacian.solve(g)
+    def __init__(self, circuit: Circuit, g: Floats, derivatives: bool | laplacian.Network = True):
+        if derivatives:  # or what they follow from
+            known = derivatives if isinstance(derivatives, laplacian.Network) else None
+            self.inverse = known or laplacian.solve(g)
             self.rho = self.inverse.rho
         else:
             self.rho = laplacian.connected_rho(g)
