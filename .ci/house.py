@@ -11,13 +11,13 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 MARGIN = 1.03  # times the decided size that is allowed: the house grows by a decision only
 DECIDED = {  # what -> size as of 29 November 2026: lines, words or constants
-    "package, Python lines": 38810,
-    "package, C lines": 1045,
+    "package, Python lines": 39260,
+    "package, C lines": 1245,
     "package, page lines": 2441,
-    "tests, Python lines": 36590,
-    "benchmarks, Python lines": 12450,
+    "tests, Python lines": 36720,
+    "benchmarks, Python lines": 12640,
     "docs, words": 37950,
-    "numeric constants of modules": 910,
+    "numeric constants of modules": 920,
 }
 TRACKED = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True)
 FILES = [ROOT / name for name in TRACKED.stdout.splitlines()]
