@@ -11,7 +11,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 MARGIN = 1.03  # times the decided size that is allowed: the house grows by a decision only
 DECIDED = {  # what -> size as of 29 November 2026: lines, words or constants
-    "package, Python lines": 39260,
+    "package, Python lines": 39300,
     "package, C lines": 1245,
     "package, page lines": 2441,
     "tests, Python lines": 36720,

@@ -333,6 +333,12 @@ class StopPolicy(Stop):
         else:
             self._faults.pop(source, None)
 
+    def resume(self, source: str, message: str) -> None:
+        """Begin after a fault that is over, and that came when the robot may have been free."""
+        self._was_free = True
+        self.fault(source, message)
+        self.fault(source, "")
+
     @property
     def stale_after(self) -> float:
         """How old the last reading may be, in force now [s]."""

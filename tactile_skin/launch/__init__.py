@@ -39,7 +39,7 @@ from ..middleware.plan import (
     naming_its_file,
     user_node,
 )
-from ..middleware.process import SkinProcess
+from ..middleware.process import ENDS, STARTS, SkinProcess
 from ..middleware.signals import SIGNALS, unwinding
 from ..middleware.threads import PACE, close_nodes
 from ..msg import Trigger
@@ -84,7 +84,9 @@ class Skin(Listening):
         self._nodes: list = []
         self._processes: list[subprocess.Popen] = []
         self._skins: list[SkinProcess] = []
-        self._elsewhere: set[Node] = set()  # that stand for those of another process
+        # that stand for those of another process, and the stops among them
+        self._elsewhere: set[Node] = set()
+        self._stops: list = []
         self._settings = contextlib.ExitStack()  # of the process; closed, it needs them no more
         self._log: QueuedLog | None = None
         self._ended = False
@@ -162,11 +164,15 @@ class Skin(Listening):
             return
         for skin in skins.values():
             actions, handles, nodes = zip(*skin, strict=True)
-            stop = nodes[SKIN_NODES.index("stop_on_push")]
-            self._skins.append(SkinProcess([*actions], [*handles], stop.absent))
-            self._elsewhere |= {*handles}
+            of = {a.executable: node for a, node in zip(actions, nodes, strict=True)}
+            if stop := of.get("stop_on_push"):
+                self._skins.append(SkinProcess([*actions], [*handles], stop.absent))
+                self._elsewhere |= {*handles}
+                self._stops.append(stop)
+        until = time.monotonic() + STARTS
         for process in self._skins:
-            process.wait()
+            while not process.wait(_POLL) and time.monotonic() < until:
+                SIGNALS.raise_pending()
 
     def build(self) -> list[Node]:
         """Make the nodes and check what they are given; nothing runs yet.
@@ -219,8 +225,11 @@ class Skin(Listening):
                 hook.end()
         for skin in self._skins:
             skin.ask_to_end()
+        last_words = time.monotonic() + ENDS
         for skin in self._skins:
-            skin.end()
+            skin.end(last_words)
+        for stop in self._stops:
+            stop.close()  # the last word, whatever its process has come to
         pairs = zip(self._handles, self._nodes, strict=False)
         here = [pair for pair in pairs if pair[0] not in self._elsewhere]
         close_nodes(here, self._executor.drain, until)

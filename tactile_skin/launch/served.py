@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import contextlib
 import math
+import os
 import socket
 import sys
-import threading
 import time
 from functools import partial
 from logging import LogRecord, getLogger
@@ -18,7 +18,7 @@ from ..middleware import process
 from ..middleware.bus import Context, Node, Parameter
 from ..middleware.bus.inbox import result_of
 from ..middleware.package import PACKAGE
-from ..middleware.plan import Plan
+from ..middleware.plan import NodeAction, Plan
 from . import Skin
 
 _WITHIN = 2.0  # s for an answer of a node: less than who asks waits
@@ -29,19 +29,31 @@ class Served(Skin):
 
     def __init__(self, line: process.Line, start: process.Start):
         super().__init__(Plan(start.nodes), Context(start.clock))
-        self.line = line
+        self.line, self._again = line, start.again
+        self._elsewhere.add(self.node)  # it says nothing of itself
         self._relays: dict[str, Node] = {}
         self.began = math.inf  # s of the day; what nodes log before, those that stand for them do
         logger = getLogger(PACKAGE)
         logger.setLevel(start.level)
         logger.propagate, logger.handlers = False, [_Log(self)]
 
+    def build(self) -> list[Node]:
+        super().build()
+        for stop in self._of_kind("stop_on_push", self._nodes) if self._again else []:
+            stop.resume(self._again)
+        return self._handles
+
+    def _make_node(self, action: NodeAction) -> Node:
+        node = super()._make_node(action)
+        node.waits = bool(self._again)  # for a board that was there
+        return node
+
     def serve(self) -> None:
         """Do what the other process asks for, until it is gone or asks for the end."""
         self.began = time.time()
-        said = -math.inf
+        said, asked_by = -math.inf, os.getppid()
         with contextlib.suppress(OSError):
-            while True:
+            while os.getppid() == asked_by:  # a fork of it would keep the line open
                 if time.monotonic() - said >= process.ALIVE:
                     said = time.monotonic()
                     self.line.say(process.Alive())
@@ -66,12 +78,13 @@ class Served(Skin):
             node.create_listener(kind, topic, partial(self._pass_on, topic))
 
     def _pass_on(self, topic: str, message: Any) -> None:
-        if threading.current_thread() is not threading.main_thread():  # where it comes from
-            self.line.say(process.Published(topic, message))
+        self.line.say(process.Published(topic, message))
 
     def _publish(self, topic: str, message: Any) -> None:
+        relay = self._relays.get(topic)  # it comes from where that would send it
         for subscription in self._context._subscriptions[topic]:
-            subscription.put(message)
+            if subscription._inbox is not relay:
+                subscription.put(message)
 
     def _answer(self, number: int, function, *arguments) -> None:
         try:
@@ -104,7 +117,7 @@ class _Log(QueueHandler):
 
 def main(descriptor: str) -> None:
     """Run the skin that who started this process describes."""
-    line = process.Line(socket.socket(fileno=int(descriptor)), process.ALIVE)
+    line = process.Line(socket.socket(fileno=int(descriptor)), process.ALIVE, process.ALIVE)
     if (start := line.hear()) is None:
         return
     skin = Served(line, start)

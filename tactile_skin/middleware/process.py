@@ -34,9 +34,9 @@ _PACKAGES = str(Path(__file__).parents[2])
 ALIVE = 0.5  # s between two words of the process, where it has nothing else to say
 # s of silence after which the process hangs; and from one start to the next at least
 _PATIENCE = 3.0
-_STARTS = 10.0  # s that it may take for its first word: it imports NumPy and SciPy
+STARTS = 10.0  # s that it may take for its first word: it imports NumPy and SciPy
 _TURN = 0.05  # s between two looks at what is heard here, and at whether it has ended
-_ENDS = 0.2  # s for its final messages
+ENDS = 0.2  # s for its final messages
 _LARGEST = 1 << 18  # bytes of a word: a picture of 64 x 64 cells has 32768
 
 
@@ -49,6 +49,7 @@ class Start(NamedTuple):
     nodes: list[NodeAction]
     clock: Any
     level: int
+    again: str  # why those before them have ended; empty: there were none
 
 
 class Hear(NamedTuple):
@@ -99,16 +100,18 @@ class End(NamedTuple):
 class Line:
     """One end of what the two say to each other; any thread may say a word."""
 
-    def __init__(self, end: socket.socket, patience: float):
-        """Take an end of a pair; `patience` is how long to wait for a word, or for room [s]."""
-        end.settimeout(patience)
-        self._socket, self._lock = end, threading.Lock()
+    def __init__(self, end: socket.socket, patience: float, room_within: float):
+        """Take an end of a pair; how long to wait for a word, and for room to say one [s]."""
+        self._socket, self._out, self._lock = end, end.dup(), threading.Lock()
+        self._socket.settimeout(patience)
+        self._out.settimeout(room_within)
         self._room = memoryview(bytearray(_LARGEST))
 
-    def say(self, word: Any) -> None:
-        """Say a word; it is lost where nobody is there, or takes none."""
+    def say(self, word: Any) -> bool:
+        """Say a word; False: it is lost, since nobody is there, or takes none."""
         with self._lock, contextlib.suppress(OSError):
-            self._socket.send(pickle.dumps(word, pickle.HIGHEST_PROTOCOL))
+            return bool(self._out.send(pickle.dumps(word, pickle.HIGHEST_PROTOCOL)))
+        return False
 
     def hear(self) -> Any:
         """Return the next word; None: none comes.
@@ -126,6 +129,7 @@ class Line:
 
     def close(self) -> None:
         self._socket.close()
+        self._out.close()
 
 
 # -------------------------------------------------------------------------------------------------
@@ -140,6 +144,7 @@ class SkinProcess:
 
     Attributes:
         why: why its nodes do not run; empty: they do.
+        ended: whether an earlier process has.
     """
 
     def __init__(
@@ -156,7 +161,8 @@ class SkinProcess:
         self._context = handles[0].context
         self._publishers = {p.topic_name: p for handle in handles for p in handle.publishers}
         self._numbers, self._asked = itertools.count(), dict[int, Future]()
-        self._over, self._began, self.why = threading.Event(), threading.Event(), "starts"
+        self._over, self._began, self._closed = threading.Event(), threading.Event(), False
+        self.why, self.ended = "starts", False
         change = {handle: partial(self._change, handle) for handle in handles}
         self._forwards = frozenset(
             forward
@@ -169,63 +175,76 @@ class SkinProcess:
         )
         self._thread.start()
 
-    def wait(self) -> None:
-        """Wait until its nodes run, but not for long."""
-        self._began.wait(_STARTS)
+    def wait(self, seconds: float) -> bool:
+        """Wait for so long, at most, until its nodes run; whether they do."""
+        return self._began.wait(seconds)
 
     def ask_to_end(self) -> None:
         """Let the nodes publish their last words; the process is not started again."""
         self._over.set()
         self._line.say(End())
 
-    def end(self) -> None:
-        """End the process, which had its time for last words."""
+    def end(self, until: float) -> None:
+        """End the process; until then, of the monotonic clock [s], it has time for last words."""
         self.ask_to_end()
-        self._thread.join(_ENDS)
+        self._thread.join(max(0.0, until - time.monotonic()))
+        self._closed = True  # what it says from here on comes too late
         self._process.kill()
-        self._process.wait()
-        self._thread.join(_ENDS)
-        self._line.close()
+        self._thread.join(ENDS)
 
     # --- its life, in a thread of its own ---
 
     def _start(self) -> None:
-        here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        with there:
-            self._process = started(_PROGRAM, [there])
-        self._line, self._hears = Line(here, _TURN), frozenset[str]()
         self._started = self._heard_at = time.monotonic()
+        here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        line = Line(here, _TURN, 0.0)
+        with there:
+            try:
+                self._process = started(_PROGRAM, [there])
+            except OSError:
+                line.close()
+                raise
         nodes = [
             dataclasses.replace(action, parameters=_values_of(handle))
             for action, handle in zip(self._actions, self._handles, strict=True)
         ]
         level = self._handles[0].get_logger().getEffectiveLevel()
-        self._line.say(Start(nodes, self._context.clock, level))
+        line.say(Start(nodes, self._context.clock, level, self.why if self.ended else ""))
+        self._line, self._hears = line, frozenset[str]()
 
     def _run(self) -> None:
         looked = 0.0
         while True:
             try:
-                now = time.monotonic()
-                if now - looked >= _TURN:
+                if (now := time.monotonic()) - looked >= _TURN:
                     looked = now
-                    self._look(now)
+                    self._look()
                 if (word := self._line.hear()) is not None:
                     self._take(word)
+                else:
+                    self._is_silent(time.monotonic() - self._heard_at)
             except OSError:
-                if self._ended():
+                if self._is_over():
                     return
+            except Exception as error:  # of a log's filter, say: this thread must not end silently
+                with contextlib.suppress(Exception):
+                    self._handles[0].get_logger().error("what its process says: %r", error)
 
-    def _look(self, now: float) -> None:
-        """Say what is heard here, and that nothing runs; a process that hangs is killed."""
+    def _look(self) -> None:
+        """Say what is heard here, and that nothing runs."""
         if self.why:
-            self._absent(self.why, not self._began.is_set())
-        else:
-            heard = frozenset(topic for topic in self._publishers if self._is_heard(topic))
-            if heard != self._hears:
-                self._line.say(Hear(heard))
-                self._hears = heard
-        if now - self._heard_at > (_STARTS if self.why else _PATIENCE):
+            self._absent(self.why, not self.ended)
+            return
+        heard = frozenset(topic for topic in self._publishers if self._is_heard(topic))
+        for topic in self._hears - heard:
+            self._publishers[topic].forget()  # what is latched grows old
+        if heard != self._hears and self._line.say(Hear(heard)):
+            self._hears = heard
+
+    def _is_silent(self, seconds: float) -> None:
+        if not self.why and seconds > 2.0 * ALIVE:
+            self._absent("does not answer", False)
+        if seconds > (STARTS if self.why else _PATIENCE):
             self._process.kill()
 
     def _is_heard(self, topic: str) -> bool:
@@ -235,12 +254,14 @@ class SkinProcess:
         self._heard_at = time.monotonic()
         match word:
             case Published(topic, message):
-                self._publishers[topic].publish(message)
+                if not self._closed:
+                    self._publishers[topic].publish(message)
             case Alive():
                 self.why = ""
                 self._began.set()
             case Answer(number, answer, error):
-                future = self._asked.pop(number)
+                if (future := self._asked.pop(number, None)) is None:
+                    return  # nobody waits for it any more
                 if error:
                     future.set_exception(RuntimeError(error))
                 else:
@@ -248,21 +269,27 @@ class SkinProcess:
             case logging.LogRecord():
                 logging.getLogger(word.name).handle(word)
 
-    def _ended(self) -> bool:
+    def _is_over(self) -> bool:
         """Start again a process that is gone; whether that is over."""
         self._process.kill()
-        code = self._process.wait()
+        code, self.ended = self._process.wait(), True
         self.why = f"ended ({code}) and is started again"
+        self._line.close()
         for number in list(self._asked):
-            self._asked.pop(number).set_exception(RuntimeError(self.why))
+            if future := self._asked.pop(number, None):
+                future.set_exception(RuntimeError(f"its process {self.why}"))
         while not self._over.is_set():
-            self._absent(self.why, not self._began.is_set())
+            self._absent(self.why, False)
             if time.monotonic() - self._started >= _PATIENCE:
-                self._line.close()
-                self._start()
-                return False
+                with contextlib.suppress(OSError):  # no process, or no descriptor, can be had now
+                    self._start()
+                    break
             self._over.wait(_TURN)
-        return True
+        if over := self._over.is_set():  # a process that has just been started as well
+            self._process.kill()
+            self._process.wait()
+            self._line.close()
+        return over
 
     # --- what the nodes here do ---
 
@@ -273,15 +300,17 @@ class SkinProcess:
             self._line.say(Published(topic, message))
 
     def _ask(self, kind: type, *what: Any) -> Any:
-        if self.why:
-            raise RuntimeError(f"its process {self.why}")
         number, future = next(self._numbers), Future[Any]()
         self._asked[number] = future
-        self._line.say(kind(number, *what))
         try:
+            if self.why:
+                raise RuntimeError(f"its process {self.why}")
+            self._line.say(kind(number, *what))
             return future.result(_PATIENCE)
         except concurrent.futures.TimeoutError:
             raise RuntimeError("its process does not answer") from None
+        finally:
+            self._asked.pop(number, None)
 
     def _call(self, service: str, request: Any, response: Any) -> Any:
         try:

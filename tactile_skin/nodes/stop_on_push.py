@@ -276,6 +276,10 @@ class StopOnPush:
         self.policy.fault("its process", why, waiting)
         self._publish(self.policy.decide(now(self.node)))
 
+    def resume(self, why: str) -> None:
+        """Go on for one whose process `why`: it has ended, while the robot may have been free."""
+        self.policy.resume("its process", why)
+
     def close(self) -> None:
         """Publish a final stop: nothing monitors the skin from here on."""
         self.policy.fault(diagnostics.name_of(self.node), "the skin shuts down")

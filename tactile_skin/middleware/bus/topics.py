@@ -66,6 +66,11 @@ class Publisher:
         for subscription in subscriptions:
             subscription.put(message)
 
+    def forget(self) -> None:
+        """Forget what is latched: who subscribes next hears nothing that was published before."""
+        with self._context._lock:
+            self._kept.clear()
+
     def get_subscription_count(self) -> int:
         return len(self._context._subscriptions[self.topic_name])
 
