@@ -7,6 +7,7 @@ import sys
 import time
 
 import pytest
+import yaml
 from support.ros_graph import board, endless, program, skin
 
 from tactile_skin import launch
@@ -71,19 +72,28 @@ def test_two_skins_of_one_name_say_so(graph):
 
 
 @pytest.mark.ros
-def test_a_process_from_which_ros_keeps_a_publisher_ends_for_another_start(graph, plain):
+def test_a_process_from_which_ros_keeps_a_publisher_ends_for_another_start(graph, plain, tmp_path):
     """As after a kill -9, in some of a hundred starts: it heard nothing for ever. One whose driver
-    is not there waits for it, and so does one whose driver is of another skin."""
+    is not there waits for it, and so does one whose driver is of another skin. So does a body."""
     import rclpy
 
-    driver = rclpy.create_node("serial_driver", namespace="left", context=plain.node.context)
+    context, far = plain.node.context, {"elsewhere": True, "port": "/dev/ttyUSB0"}
+    driver = rclpy.create_node("serial_driver", namespace="left", context=context)
+    stop = rclpy.create_node("stop_on_push", namespace="back", context=context)
+    skins = {"back": far | {"geometry": {"shape": "plane"}}}
+    config = tmp_path / "robot.yaml"
+    config.write_text(yaml.safe_dump({"skins": skins}))
+    graph.start("body", program("body", "-p", f"config:={config}", "-p", "separate:=true"))
     for side in ("left", "right"):
         graph.start(side, program("compensation", "-r", f"__ns:=/{side}"))
     plain.until(lambda: graph.processes["left"].poll() is not None, "it ends", graph)
     assert graph.processes["left"].returncode == 1
     assert "does not show that it publishes /left/skin/adc" in graph.said("left")
     assert graph.processes["right"].poll() is None
+    plain.until(lambda: graph.processes["body"].poll() is not None, "it ends", graph)
+    assert "does not show that it publishes /back/skin/stop_status" in graph.said("body")
     driver.destroy_node()
+    stop.destroy_node()
 
 
 def test_a_namespace_is_an_argument():

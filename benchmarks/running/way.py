@@ -136,6 +136,8 @@ def play(pipe, n: int, rate: int, seed: int) -> None:
         time.sleep(max(0.0, begun + i / rate - time.monotonic()))
         for k, master in enumerate(masters):
             frame = frames[(i + round(k * rate * _EVERY / n)) % len(frames)]
+            # a step of one cell: a board whose frames repeat to the last bit is taken for frozen
+            frame.samples.flat[i % frame.samples.size] ^= 1 << (16 - circuit.adc_bits)
             sent = protocol.encode(
                 i, round(i / rate * 1e6), frame.samples, circuit.adc_bits, 16 - circuit.adc_bits
             )

@@ -278,8 +278,7 @@ class RosNode(bus.Node):
         kill -9, Fast DDS loses announcements of publishers for ever, about once in a hundred
         restarts: github.com/eProsima/Fast-DDS/issues/5469. Who joins again hears them.
         """
-        there, namespace = self.ros.get_node_names_and_namespaces(), self.get_namespace()
-        lost, prefix = "", f"{namespace.rstrip('/')}/"
+        there, lost = self.ros.get_node_names_and_namespaces(), ""
         for end in (*self._publishers, *self._heard):
             topic, ours = end.topic_name, bus.type_name(end.msg_type)
             publish = self.ros.get_publishers_info_by_topic(topic)
@@ -297,8 +296,9 @@ class RosNode(bus.Node):
                         f"{topic}: {other.node_name} has {other.topic_type}, this node {ours}: "
                         f"they do not hear each other{remedy}"
                     )
-            source = SOURCES.get(topic.removeprefix(prefix))
-            if not publish and (source, namespace) in there:
+            space, _, name = topic.rpartition("/skin/")  # this node's, or of a skin of its body
+            source = SOURCES.get(f"skin/{name}")
+            if not publish and (source, space or "/") in there:
                 lost = f"{source} is there, and ROS does not show that it publishes {topic}: "
                 lost += "this process ends, since only another start finds it"
         self._deaf = self._deaf + 1 if lost else 0
