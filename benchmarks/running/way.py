@@ -123,9 +123,10 @@ def play(pipe, n: int, rate: int, seed: int) -> None:
     circuit = Circuit()
     played = simulator.Board(circuit, PressureCurve(), _scene, frames_per_second=rate, seed=seed)
     parser = protocol.BinaryParser()
-    frames: list[Frame] = []
-    while len(frames) < rate * _EVERY * len(_TOUCHES):
-        frames += parser.feed(played.scan())
+    found: list[Frame] = []
+    while len(found) < rate * _EVERY * len(_TOUCHES):
+        found += parser.feed(played.scan())
+    frames = [frame.samples.copy() for frame in found]
     masters, slaves = zip(*(os.openpty() for _ in range(n)), strict=True)
     for master, slave in zip(masters, slaves, strict=True):
         tty.setraw(slave)
@@ -137,9 +138,9 @@ def play(pipe, n: int, rate: int, seed: int) -> None:
         for k, master in enumerate(masters):
             frame = frames[(i + round(k * rate * _EVERY / n)) % len(frames)]
             # a step of one cell: a board whose frames repeat to the last bit is taken for frozen
-            frame.samples.flat[i % frame.samples.size] ^= 1 << (16 - circuit.adc_bits)
+            frame.flat[i % frame.size] ^= 1 << (16 - circuit.adc_bits)
             sent = protocol.encode(
-                i, round(i / rate * 1e6), frame.samples, circuit.adc_bits, 16 - circuit.adc_bits
+                i, round(i / rate * 1e6), frame, circuit.adc_bits, 16 - circuit.adc_bits
             )
             with contextlib.suppress(BlockingIOError):  # nobody reads yet, or reads too late
                 os.write(master, sent)
