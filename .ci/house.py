@@ -14,7 +14,7 @@ DECIDED = {  # what -> size as of 29 November 2026: lines, words or constants
     "package, Python lines": 39300,
     "package, C lines": 1245,
     "package, page lines": 2441,
-    "tests, Python lines": 36720,
+    "tests, Python lines": 36740,
     "benchmarks, Python lines": 12640,
     "docs, words": 37950,
     "numeric constants of modules": 920,
