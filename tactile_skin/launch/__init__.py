@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Start the nodes of a launch file of the package, and those of your own, all in this process.
+"""Start the nodes of a launch file of the package, and those of your own, in this process.
 
     with launch("skin.launch.yaml", port="/dev/ttyUSB0") as skin:
         skin.on_stop(lambda stop, reason: print(stop, reason))
         skin.spin()
 
 A node of your own comes by `skin.add(Node, parameters)` before `with`, or stands under `nodes` in
-the parameter file. Other launch files are started by `ros2 launch`.
+the parameter file. Each skin of a body runs in a process of its own where there are several cores.
+Other launch files are started by `ros2 launch`.
 """
 
 from __future__ import annotations
@@ -84,9 +85,7 @@ class Skin(Listening):
         self._nodes: list = []
         self._processes: list[subprocess.Popen] = []
         self._skins: list[SkinProcess] = []
-        # that stand for those of another process, and the stops among them
-        self._elsewhere: set[Node] = set()
-        self._stops: list = []
+        self._elsewhere: set[Node] = set()  # that stand for those of another process
         self._settings = contextlib.ExitStack()  # of the process; closed, it needs them no more
         self._log: QueuedLog | None = None
         self._ended = False
@@ -168,7 +167,6 @@ class Skin(Listening):
             if stop := of.get("stop_on_push"):
                 self._skins.append(SkinProcess([*actions], [*handles], stop.absent))
                 self._elsewhere |= {*handles}
-                self._stops.append(stop)
         until = time.monotonic() + STARTS
         for process in self._skins:
             while not process.wait(_POLL) and time.monotonic() < until:
@@ -228,10 +226,12 @@ class Skin(Listening):
         last_words = time.monotonic() + ENDS
         for skin in self._skins:
             skin.end(last_words)
-        for stop in self._stops:
-            stop.close()  # the last word, whatever its process has come to
-        pairs = zip(self._handles, self._nodes, strict=False)
-        here = [pair for pair in pairs if pair[0] not in self._elsewhere]
+        parts = zip(self._plan.nodes, self._handles, self._nodes, strict=False)
+        here = [  # and stops that stand for others: theirs is the last word, whatever came of these
+            (handle, node)
+            for action, handle, node in parts
+            if handle not in self._elsewhere or action.executable == "stop_on_push"
+        ]
         close_nodes(here, self._executor.drain, until)
         for process in self._processes:  # the board after the final stop; it ends beside the hooks
             process.terminate()

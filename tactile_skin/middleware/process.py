@@ -162,7 +162,7 @@ class SkinProcess:
         self._publishers = {p.topic_name: p for handle in handles for p in handle.publishers}
         self._numbers, self._asked = itertools.count(), dict[int, Future]()
         self._over, self._began, self._closed = threading.Event(), threading.Event(), False
-        self.why, self.ended = "starts", False
+        self.why, self.ended, self._looked = "starts", False, 0.0  # s, of the monotonic clock
         change = {handle: partial(self._change, handle) for handle in handles}
         self._forwards = frozenset(
             forward
@@ -213,22 +213,27 @@ class SkinProcess:
         self._line, self._hears = line, frozenset[str]()
 
     def _run(self) -> None:
-        looked = 0.0
-        while True:
+        over = False
+        while not over:
             try:
-                if (now := time.monotonic()) - looked >= _TURN:
-                    looked = now
-                    self._look()
-                if (word := self._line.hear()) is not None:
-                    self._take(word)
-                else:
-                    self._is_silent(time.monotonic() - self._heard_at)
-            except OSError:
-                if self._is_over():
-                    return
+                over = self._turn()
             except Exception as error:  # of a log's filter, say: this thread must not end silently
                 with contextlib.suppress(Exception):
                     self._handles[0].get_logger().error("what its process says: %r", error)
+
+    def _turn(self) -> bool:
+        """Take a word, and look after the process; whether all is over."""
+        try:
+            if (now := time.monotonic()) - self._looked >= _TURN:
+                self._looked = now
+                self._look()
+            if (word := self._line.hear()) is not None:
+                self._take(word)
+            else:
+                self._is_silent(time.monotonic() - self._heard_at)
+        except OSError:
+            return self._is_over()
+        return False
 
     def _look(self) -> None:
         """Say what is heard here, and that nothing runs."""
@@ -294,9 +299,8 @@ class SkinProcess:
     # --- what the nodes here do ---
 
     def _forward(self, topic: str, message: Any) -> None:
-        if (
-            threading.current_thread() is not self._thread and not self.why
-        ):  # not one of the process
+        # not what is published here for the process
+        if not self.why and threading.current_thread() is not self._thread:
             self._line.say(Published(topic, message))
 
     def _ask(self, kind: type, *what: Any) -> Any:
