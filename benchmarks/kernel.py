@@ -31,8 +31,8 @@ from tactile_skin.solvers import Estimate, compensate
 
 from .accuracy.boards import recordings
 
-SIZES = 8, 16, 32
-SCENES = "bodies", "moving touch"
+SIZES = 8, 16, 32, 64
+SCENES = "bodies", "moving touch", "exact bodies"
 FRAMES = 60  # of each scene and size
 REPEATS = 4  # of a frame, of which the fastest counts: whatever disturbs one only adds
 SEED = 340_836
@@ -58,8 +58,9 @@ class Row(NamedTuple):
 def drawn(scene: str, n: int, circuit: Circuit, curve: PressureCurve) -> np.ndarray:
     """Return (n, rows, cols) `scan` readings."""
     rng = np.random.default_rng([SEED, SCENES.index(scene), circuit.rows])
-    if scene == "bodies":
-        return frames("bodies", "scan", n, rng, circuit, curve)[1]
+    if scene != "moving touch":
+        kind = "scan" if scene == "bodies" else "ideal"
+        return frames("bodies", kind, n, rng, circuit, curve)[1]
     force = np.minimum(moving_touch(n, rng, circuit.shape), curve.max_force)
     return scenes.read_out(circuit, forward(circuit, curve.resistance(force)), "scan", rng)
 
@@ -67,9 +68,9 @@ def drawn(scene: str, n: int, circuit: Circuit, curve: PressureCurve) -> np.ndar
 def measure(scene: str, size: int, n: int) -> Row:
     """Solve n frames of a scene; a moving touch goes on from the frame before."""
     circuit, curve = Circuit(size, size), PressureCurve()
-    given = {"noise": NOISE["scan"]}
+    given = {"noise": 0.0 if scene == "exact bodies" else NOISE["scan"]}
     frames = drawn(scene, n, circuit, curve)
-    return solve(scene, frames, circuit, curve, given, streamed=scene != "bodies")
+    return solve(scene, frames, circuit, curve, given, streamed=scene == "moving touch")
 
 
 def footprints(folder: Path, n: int) -> Iterator[Row]:
